@@ -13,7 +13,7 @@ use litpt::bvh::{Bvh, Intersector};
 use litpt::sampler::sobol::SobolSampler;
 use litpt::sampler::{Sampler, cosine_direction};
 use litpt::scene::{Ray, Scene, read_obj};
-use litpt::sensor::Candidates;
+use litpt::sensor::Receivers;
 use rayon::prelude::*;
 
 const RAYS: u64 = 256;
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mesh = read_obj(&std::fs::read(path)?)?;
     let scene = Scene::new(&mesh);
     let bvh = Bvh::new(&scene)?;
-    let vertices = Candidates::vertices(&scene.triangles).receivers;
+    let vertices = Receivers::vertices(&scene.triangles);
     let began = Instant::now();
     let open = |i: usize| {
         let from = vertices.hit(i, [0, 0]);
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         (0..RAYS).filter(is_open).count() as f64 / RAYS as f64
     };
     let open: Vec<f64> =
-        (0..vertices.len()).into_par_iter().map(open).collect();
+        (0..vertices.count()).into_par_iter().map(open).collect();
     eprintln!("{:.3} s for the rays", began.elapsed().as_secs_f64());
     let mut grey = vec![0.; mesh.vertices.len()];
     for (&number, open) in vertices.numbers.iter().zip(open) {

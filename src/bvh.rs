@@ -19,7 +19,7 @@ mod triangle;
 mod wide;
 
 pub use ground::{GROUND, Ground};
-pub use intersector::{BEAM, Dispatch, Hit, Intersector};
+pub use intersector::{BEAM, Batch, Dispatch, Hit, Intersector};
 pub use spawn::{is_within, lifted, too_small};
 pub use triangle::NONE;
 pub use wide::Quality;
@@ -39,9 +39,7 @@ use traverser::Traverser;
 use triangle::Leaf;
 
 /// Sets of instructions with which a hierarchy can be traversed.
-#[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
-)]
+#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
 pub enum Isa {
     /// Sixteen boxes at a time.
     Avx512,
@@ -70,16 +68,14 @@ impl Isa {
 
     /// The fastest set that this processor has.
     pub fn best() -> Self {
-        let available =
-            Self::ALL.into_iter().find(|isa| isa.is_available());
-        available.unwrap_or(Self::Portable)
+        let mut all = Self::ALL.into_iter();
+        all.find(|isa| isa.is_available()).unwrap_or(Self::Portable)
     }
 }
 
 impl fmt::Display for Isa {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let value = self.to_possible_value();
-        f.write_str(value.expect("a name for each").get_name())
+        f.write_str(&format!("{self:?}").to_lowercase())
     }
 }
 
@@ -181,9 +177,7 @@ impl Bvh {
 
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {
-        with_traverser!(self, traverser => {
-            traverser.wide.leaves.face(primitive)
-        })
+        with_traverser!(self, own => own.wide.leaves.face(primitive))
     }
 
     /// Whether `asked` is true of a triangle and its corners. Only boxes
@@ -236,15 +230,10 @@ impl Intersector for Bvh {
         from: Option<u32>,
         target: u32,
     ) -> bool {
-        with_traverser!(self, traverser => {
-            traverser.is_visible(ray, from, target)
-        })
+        with_traverser!(self, own => own.is_visible(ray, from, target))
     }
 
-    fn first_hits(
-        &self,
-        rays: &[Option<Ray>; BEAM],
-    ) -> [Option<Hit>; BEAM] {
+    fn first_hits(&self, rays: &Batch<Ray>) -> Batch<Hit> {
         with_traverser!(self, traverser => traverser.first_hits(rays))
     }
 

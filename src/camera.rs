@@ -11,7 +11,7 @@ use clap::ValueEnum;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::numerics::{cross, normalise, power_of_two};
+use crate::numerics::{bounds, cross, normalise, power_of_two};
 use crate::sky::Sky;
 
 /// Where a camera stands and where it looks, in the file's coordinates.
@@ -140,9 +140,7 @@ pub fn direction(v: DVec3) -> String {
 const FARTHEST: f64 = power_of_two(200);
 
 /// A side from which a scene can be seen.
-#[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
-)]
+#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Viewpoint {
     /// Where y is negative, if z points up; where z is positive, if y does.
@@ -188,11 +186,7 @@ impl View {
         points: impl Iterator<Item = &'a DVec3> + Clone,
         aspect: f64,
     ) -> Option<Self> {
-        let [low, high] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let corners = points
-            .clone()
-            .fold([low, high], |[a, b], p| [a.min(*p), b.max(*p)]);
-        let [low, high] = corners;
+        let (low, high) = bounds(points.clone().copied());
         let target = 0.5 * low + 0.5 * high;
         let [away, up] = from.axes(zenith, self.up);
         let size = (high - low).max_element();

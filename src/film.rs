@@ -319,6 +319,12 @@ impl Film {
         self.pixels.len() as u64
     }
 
+    /// Bands of at most `SIDE` rows of its window.
+    fn bands(&self) -> impl IndexedParallelIterator<Item = Window> {
+        let tops = (0..self.window.size.1).into_par_iter();
+        tops.step_by(SIDE as usize).map(|top| self.window.rows(top, SIDE))
+    }
+
     /// The tiles of the whole window of its run.
     pub fn all_tiles(&self) -> Vec<Tile> {
         Self::layout(self.whole, tile_height(self.resolution)).0
@@ -398,9 +404,7 @@ impl Film {
 
     /// The samples of the pixels of a window, row by row.
     pub fn counts_of(&self, window: Window) -> Vec<f64> {
-        let count =
-            |_, p: &Accumulator| (p.count() * self.replicate) as f64;
-        self.values(window, 0., count)
+        self.values(window, 0., |_, p| (p.count() * self.replicate) as f64)
     }
 
     /// The samples that every pixel has at least.
@@ -489,17 +493,15 @@ impl Film {
         let few = self.samples() < 2 * self.replicate;
         // Sum numbers of all pixels over rows
         let total = |of: &(dyn Fn(Window) -> Vec<f64> + Sync)| -> f64 {
-            let (width, height) = self.window.size;
-            let tops = (0..height).into_par_iter().step_by(SIDE as usize);
-            let rows = tops.flat_map_iter(|top| {
-                let values = of(self.window.rows(top, SIDE));
-                let rows = values.chunks(width as usize);
+            let rows = self.bands().flat_map_iter(|band| {
+                let values = of(band);
+                let rows = values.chunks(self.window.size.0 as usize);
                 rows.map(|row| row.iter().sum()).collect::<Vec<f64>>()
             });
             rows.collect::<Vec<f64>>().iter().sum()
         };
         let radiance =
-            total(&|band| self.values(band, 0., |_, pixel| pixel.mean()));
+            total(&|band| self.values(band, 0., |_, p| p.mean()));
         let squares = |band| {
             let errors = self.errors(WORTH, band).into_iter();
             errors.map(|error| error * error).collect()
@@ -579,8 +581,8 @@ impl Film {
     /// the neighbours out).
     pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
         let all = window.grown(REACH, self.window);
-        let of = |_, pixel: &Accumulator| pixel.variance();
-        let variances = self.values(all, f64::INFINITY, of);
+        let variances =
+            self.values(all, f64::INFINITY, |_, p| p.variance());
         // Number the pixels of the frame
         let number = |x: u32, y: u32| {
             let row = (y - all.corner.1) as usize * all.size.0 as usize;
@@ -623,10 +625,7 @@ impl Film {
 
     /// An error of the image; infinite if it is unknown.
     pub fn error(&self, measure: Measure) -> f64 {
-        let height = self.window.size.1;
-        let tops = (0..height).into_par_iter().step_by(SIDE as usize);
-        let sums = tops.map(|top| {
-            let band = self.window.rows(top, SIDE);
+        let sums = self.bands().map(|band| {
             let errors = self.errors(WORTH, band).into_iter();
             let squares =
                 errors.zip(self.means_of(band)).map(|(error, mean)| {

@@ -211,7 +211,7 @@ impl Filtered {
     /// Filters the image on a film; none if it has no halves, or a half of a
     /// pixel has no value.
     pub fn of(film: &Film, guide: &FirstHits) -> Option<Self> {
-        let FirstHits { width, hits, edges, .. } = guide;
+        let &FirstHits { width, ref hits, ref edges, .. } = guide;
         // Collect the halves row by row
         let counts: Vec<Vec2> = film.halves_of(2).collect();
         if counts.is_empty() || counts.iter().any(|n| n.min_element() < 1.)
@@ -225,11 +225,8 @@ impl Filtered {
         let (gathered, corrected) = (mean(0), mean(1));
         let whole = gathered.iter().zip(&corrected).map(|(g, c)| g + c);
         let shares = counts.iter().map(|n| n / n.element_sum());
-        let filter = Filter {
-            width: *width,
-            shares: shares.collect(),
-            whole: whole.collect(),
-        };
+        let (shares, whole) = (shares.collect(), whole.collect());
+        let filter = Filter { width, shares, whole };
         let same =
             |p: usize, q: usize| hits[p].is_some() == hits[q].is_some();
         let (corrected, _) = filter.best(corrected, &gathered, same);
@@ -247,14 +244,10 @@ impl Filtered {
         let shown = gathered.iter().zip(&corrected).map(|(g, c)| g + c);
         let shown: Vec<Vec2> = shown.collect();
         let variance = |(p, &shown)| filter.error(p, shown).x as f32;
-        let mut variances: Vec<Vec2> = shown
-            .iter()
-            .enumerate()
-            .map(variance)
-            .map(Vec2::splat)
-            .collect();
+        let all = shown.iter().enumerate().map(variance);
+        let mut variances: Vec<_> = all.map(Vec2::splat).collect();
         for level in 0..3 {
-            variances = smooth(&variances, *width, 1 << level, &same);
+            variances = smooth(&variances, width, 1 << level, &same);
         }
         let square = error.y.max(0.);
         let (rmse, bias) = ((error.x + square).sqrt(), square.sqrt());
@@ -263,10 +256,8 @@ impl Filtered {
         let means = shown.iter().zip(&filter.shares);
         let means = means.map(|(halves, share)| halves.dot(*share).into());
         let (columns, rows) = film.window.size;
-        let image = Image {
-            errors: Some(errors.collect()),
-            ..Image::plain(columns, rows, means.collect())
-        };
+        let (errors, means) = (Some(errors.collect()), means.collect());
+        let image = Image { errors, ..Image::plain(columns, rows, means) };
         Some(Self { image, error: PictureError { rmse, bias } })
     }
 }

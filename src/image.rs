@@ -18,7 +18,7 @@ use std::path::Path;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-pub use data::{BANDS, Image, Note, OPACITY, Picture, Source};
+pub use data::{BANDS, FILTERED, Image, Note, OPACITY, Picture, Source};
 pub use levels::luminance;
 
 /// How an image becomes bytes.

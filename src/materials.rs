@@ -4,6 +4,8 @@
 //! What surfaces reflect: one albedo, or one for each face.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use clap::ValueEnum;
@@ -14,7 +16,7 @@ use crate::scene::{Mark, MarkKind};
 
 /// What is taken of the three numbers of a material.
 #[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
+    ValueEnum, Clone, Copy, Debug, PartialEq, Serialize, Deserialize,
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Band {
@@ -40,18 +42,21 @@ pub fn libraries(
     let (mut albedos, mut odd) = (BTreeMap::new(), BTreeSet::new());
     let named = marks.iter().filter(|mark| mark.kind == MarkKind::Library);
     for Mark { name, .. } in named {
-        let whole = [name.as_str()].into_iter();
-        let files: Vec<&str> = match folder.join(name).exists() {
-            true => whole.collect(),
+        let files = match folder.join(name).exists() {
+            true => vec![name.as_str()],
             false => name.split_whitespace().collect(),
         };
         for file in files {
             // Read one library
             let path = folder.join(file);
             let shown = path.display();
-            let (materials, _) = tobj::load_mtl(&path).map_err(|e| {
-                format!("{shown}: cannot read the materials: {e}")
+            let file = File::open(&path).map_err(|e| {
+                format!("{shown}: {e}; without --materials, -r is the albedo of all")
             })?;
+            let (materials, _) =
+                tobj::load_mtl_buf(&mut BufReader::new(file)).map_err(
+                    |e| format!("{shown}: cannot read the materials: {e}"),
+                )?;
             for material in materials {
                 // See what else a material is
                 let is_clear = |opacity| opacity < 1.;
@@ -59,8 +64,10 @@ pub fn libraries(
                     text.split(' ')
                         .any(|word| word.parse().is_ok_and(|x: f64| x > 0.))
                 };
+                let is_transparent =
+                    || material.unknown_param.get("Tr").is_some_and(shines);
                 let is_odd = [
-                    material.dissolve.is_some_and(is_clear),
+                    material.dissolve.map_or_else(is_transparent, is_clear),
                     material.diffuse_texture.is_some(),
                     material.unknown_param.get("Ke").is_some_and(shines),
                 ];
@@ -70,12 +77,9 @@ pub fn libraries(
                 );
                 let tobj::Material { name, diffuse, .. } = material;
                 let Some([r, g, b]) = diffuse else { continue };
-                let albedo = match band {
-                    Some(Band::R) => r,
-                    Some(Band::G) => g,
-                    Some(Band::B) => b,
-                    None => 0.2126 * r + 0.7152 * g + 0.0722 * b,
-                };
+                let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+                let one = |band| [r, g, b][band as usize];
+                let albedo = band.map_or(luminance, one);
                 if !(0. ..=1.).contains(&albedo) {
                     return Err(format!(
                         "{shown}: material {name} has Kd {r} {g} {b}, which is not \
@@ -95,7 +99,7 @@ pub fn libraries(
         let mut all =
             odd.iter().filter(|odd| odd.0 == kind).map(|odd| &odd.1);
         let (count, first) = (all.clone().count(), all.next()?);
-        Some(format!("{count} materials {what} (the first: {first})"))
+        Some(format!("materials that {what}: {count}, the first {first}"))
     };
     let told = (0..).zip(ODD_MATERIALS).filter_map(tell);
     Ok((albedos, told.collect()))
@@ -103,7 +107,7 @@ pub fn libraries(
 
 /// What is told of materials that are more, or less, than an albedo.
 const ODD_MATERIALS: [&str; 4] = [
-    "are transparent (d), and are taken as opaque",
+    "are transparent (d, Tr), and let no light through here",
     "have a texture (map_Kd), and are given their Kd",
     "are luminous (Ke), and give no light",
     "have no Kd, and are given the albedo of -r",
@@ -112,8 +116,7 @@ const ODD_MATERIALS: [&str; 4] = [
 /// The names of a kind, each once, in order.
 pub fn names(marks: &[Mark], kind: MarkKind) -> impl Iterator<Item = &str> {
     let of_kind = marks.iter().filter(move |mark| mark.kind == kind);
-    let mut all: Vec<&str> =
-        of_kind.map(|mark| mark.name.as_str()).collect();
+    let mut all: Vec<&str> = of_kind.map(|mark| &mark.name[..]).collect();
     all.sort_unstable();
     all.dedup();
     all.into_iter()
@@ -125,6 +128,9 @@ pub struct Named {
     /// Those of the materials of its libraries.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub materials: BTreeMap<String, f64>,
+    /// The band that was taken of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub band: Option<Band>,
     /// Those that were given to materials, groups or objects; of several
     /// that fit, the last one counts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -227,8 +233,7 @@ impl AlbedoTable {
         bvh.for_each(|slot, &[a, b, c]| {
             let albedo = faces.of(bvh.face(slot));
             // Number an albedo
-            let known =
-                table.albedos.iter().rposition(|&known| known == albedo);
+            let known = table.albedos.iter().rposition(|&a| a == albedo);
             let number = known.unwrap_or_else(|| {
                 table.albedos.push(albedo);
                 table.albedos.len() - 1
@@ -250,8 +255,9 @@ impl AlbedoTable {
 /// What all surfaces reflect.
 #[derive(Clone, Copy, Debug)]
 pub struct Surfaces<'a> {
-    /// Of all triangles, if there is no table.
-    albedo: f64,
+    /// A typical albedo: the mean over the area of all triangles; that of
+    /// each, if there is no table.
+    pub typical: f64,
     table: Option<&'a AlbedoTable>,
     /// Of the ground.
     ground: f64,
@@ -262,17 +268,17 @@ pub struct Surfaces<'a> {
 impl<'a> Surfaces<'a> {
     /// One albedo for all surfaces.
     pub fn of(albedo: f64) -> Self {
-        Self { albedo, table: None, ground: 0., most: albedo }
+        Self { typical: albedo, table: None, ground: 0., most: albedo }
     }
 
     /// An albedo for each triangle, from a table if there are several, and
     /// one for the ground, if there is one.
     pub fn new(table: &'a AlbedoTable, ground: Option<f64>) -> Self {
-        let (albedo, ground) = (table.mean, ground.unwrap_or(0.));
+        let ground = ground.unwrap_or(0.);
         let most = table.albedos.iter().copied().fold(ground, f64::max);
         let many = table.albedos.len() > 1;
-        let albedo = if many { albedo } else { table.albedos[0] };
-        Self { albedo, table: many.then_some(table), ground, most }
+        let typical = if many { table.mean } else { table.albedos[0] };
+        Self { typical, table: many.then_some(table), ground, most }
     }
 
     /// The albedo at a hit on this triangle, on the ground, or at a receiver,
@@ -282,11 +288,10 @@ impl<'a> Surfaces<'a> {
         match self.table {
             _ if primitive > GROUND => 1.,
             _ if primitive == GROUND => self.ground,
-            Some(table) => {
-                table.albedos
-                    [usize::from(table.numbers[primitive as usize])]
+            Some(AlbedoTable { numbers, albedos, .. }) => {
+                albedos[usize::from(numbers[primitive as usize])]
             }
-            None => self.albedo,
+            None => self.typical,
         }
     }
 
@@ -295,10 +300,5 @@ impl<'a> Surfaces<'a> {
     pub fn share(&self, primitive: u32) -> f64 {
         let albedo = self.albedo(primitive);
         if albedo == self.most { 1. } else { albedo / self.most }
-    }
-
-    /// A typical albedo: the mean over the area of all triangles.
-    pub fn typical(&self) -> f64 {
-        self.albedo
     }
 }

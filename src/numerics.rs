@@ -37,6 +37,12 @@ pub fn normalise(v: DVec3) -> DVec3 {
     shift(v, -exponent(v.abs().max_element()))
 }
 
+/// The extreme corners of the box of points.
+pub fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    points.fold(none, |(low, high), p| (low.min(p), high.max(p)))
+}
+
 /// `a * b - c * d` to 1.5 units in the last place (Jeannerod, Louvet
 /// and Muller 2013, theorem 5.1, after Kahan).
 #[inline(always)]

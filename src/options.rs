@@ -53,8 +53,8 @@ pub struct Options {
           value_parser = |text: &str| Window::try_from(text.to_owned()))]
     pub crop: Option<Window>,
 
-    /// Samples (paths) per pixel [default: 1]; an upper bound with
-    /// --time or --error
+    /// Samples (paths) per pixel [default: 1, and 1024 of points, faces and
+    /// vertices]; an upper bound with --time or --error
     #[arg(short = 'n', long = "spp", visible_alias = "realisations",
           value_name = "N",
           value_parser = only(parse_whole, |&n| n > 0, SAMPLES))]
@@ -113,8 +113,8 @@ pub struct Options {
 
     /// Up axis of the camera; its largest component tells where the sky is,
     /// unless --zenith does
-    #[arg(short, long, value_name = "X,Y,Z", default_value = "0,0,1",
-          value_parser = parse_vector, conflicts_with = "receivers")]
+    #[arg(short, long, value_name = "X,Y,Z|x|y|z", default_value = "0,0,1",
+          value_parser = parse_direction)]
     pub up: DVec3,
 
     /// Vertical field of view in degrees, strictly between 0 and 180
@@ -177,8 +177,7 @@ pub struct Options {
     )]
     pub sky: Cover,
 
-    /// Direction to the middle of the sky [default: the axis nearest to -u, or
-    /// z for receivers]
+    /// Direction to the middle of the sky [default: the axis nearest to -u]
     #[arg(long, value_name = "X,Y,Z|x|y|z", value_parser = parse_direction)]
     pub zenith: Option<DVec3>,
 
@@ -215,8 +214,8 @@ pub struct Options {
           conflicts_with = "receivers")]
     pub exposure: Option<Exposure>,
 
-    /// Show a grey of this radiance behind the scene instead of the sky, and give
-    /// .png and .exr an opacity
+    /// Show a grey of this radiance behind the scene and its ground instead of the
+    /// sky, and give .png and .exr an opacity
     #[arg(long, value_name = "RADIANCE", conflicts_with = "receivers",
           value_parser = only(parse_real, |&x| x >= 0., NOT_NEGATIVE))]
     pub background: Option<f64>,
@@ -338,9 +337,7 @@ pub struct Target {
 }
 
 /// Whose error is to be reached.
-#[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
-)]
+#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ErrorOf {
     /// The root mean square of all pixels.
@@ -352,12 +349,10 @@ pub enum ErrorOf {
 /// Parses an error to reach.
 fn parse_target(text: &str) -> Result<Target, String> {
     let positive = only(parse_real, |&x| x > 0., POSITIVE);
-    Ok(match text.strip_suffix('%') {
-        Some(number) => {
-            Target { error: 0.01 * positive(number)?, is_relative: true }
-        }
-        None => Target { error: positive(text)?, is_relative: false },
-    })
+    let part = text.strip_suffix('%');
+    let unit = if part.is_some() { 0.01 } else { 1. };
+    let error = unit * positive(part.unwrap_or(text))?;
+    Ok(Target { error, is_relative: part.is_some() })
 }
 
 /// Parses an albedo.
@@ -542,10 +537,7 @@ impl Options {
             return Err(usage(fault, "pt"));
         }
         typed.checkpoint = state;
-        match typed.resume {
-            None => typed.checked(),
-            Some(_) => Ok(typed),
-        }
+        if typed.resume.is_some() { Ok(typed) } else { typed.checked() }
     }
 
     /// These options after those of a run that was saved.
@@ -668,7 +660,7 @@ impl Options {
     /// The error to reach, and which error it is.
     pub fn target(&self) -> Option<(f64, Measure)> {
         let Target { error, is_relative } = self.error?;
-        let largest = self.error_of == ErrorOf::Max;
+        let largest = matches!(self.error_of, ErrorOf::Max);
         Some((error, Measure { relative: is_relative, largest }))
     }
 
@@ -727,7 +719,8 @@ impl Options {
     /// The number of samples, if it is limited.
     pub fn samples(&self) -> Option<u64> {
         let limited = self.time.is_some() || self.error.is_some();
-        self.samples.or((!limited).then_some(1))
+        let usual = if self.has_receivers() { 1024 } else { 1 };
+        self.samples.or((!limited).then_some(usual))
     }
 
     /// The part of a run whose samples are placed together in these numbers;

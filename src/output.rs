@@ -299,10 +299,7 @@ impl OutputTarget {
 /// # Errors
 /// The extension is unknown.
 pub fn format_of(path: &Path, usual: Format) -> Result<Format, String> {
-    match descriptor(path) {
-        Some(_) => Ok(usual),
-        None => Format::of(path),
-    }
+    if descriptor(path).is_some() { Ok(usual) } else { Format::of(path) }
 }
 
 /// # Errors

@@ -15,9 +15,8 @@ use rayon::prelude::*;
 
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
-use crate::film::{
-    Film, FilmTile, Halves, Tile, Watch, add_halves, add_value,
-};
+use crate::film::{Film, FilmTile, Halves, Tile, Watch};
+use crate::film::{add_halves, add_value};
 use crate::integrator::{Integrator, PathEvent};
 pub use crate::integrator::{Renderer, Share};
 use crate::sampler::{IndependentSampler, Sampler};

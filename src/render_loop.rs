@@ -208,7 +208,7 @@ impl Convergence {
         loop {
             // Return when a limit is reached
             if let Some(stop) = self.stop(limits, first, area) {
-                self.record(film, limits.reference, limits.measure);
+                self.record(film, limits);
                 self.stopped = Some(stop);
                 return stop;
             }
@@ -230,7 +230,7 @@ impl Convergence {
                 self.processor_seconds = Some(spent + all.sum::<f64>());
             }
             if self.spp >= due {
-                self.record(film, limits.reference, limits.measure);
+                self.record(film, limits);
             }
             after(self, film);
         }
@@ -326,12 +326,7 @@ impl Convergence {
     }
 
     /// Records a point, if there has been a pass since the last one.
-    pub fn record(
-        &mut self,
-        film: &Film,
-        reference: Option<&[f64]>,
-        measure: Measure,
-    ) {
+    pub fn record(&mut self, film: &Film, limits: &Limits) {
         let &mut Self { spp, seconds, rays, processor_seconds, .. } = self;
         let last = self.last();
         if (spp, seconds) == (last.spp, last.seconds) {
@@ -340,19 +335,18 @@ impl Convergence {
         let Summary { mean, mean_stderr, rmse, constant } = film.summary();
         self.constant_pixels = constant;
         let finite = |x: f64| x.is_finite().then_some(x);
+        let &Limits { measure, reference, .. } = limits;
+        let judged = (!measure.is_usual()).then(|| film.error(measure));
+        let truth = reference.filter(|_| spp > 0);
         self.curve.push(CurvePoint {
             spp,
             seconds,
             rays,
             rmse: finite(rmse),
-            target_error: (!measure.is_usual())
-                .then(|| film.error(measure))
-                .and_then(finite),
+            target_error: judged.and_then(finite),
             mean,
             mean_stderr: finite(mean_stderr),
-            rmse_reference: reference
-                .filter(|_| spp > 0)
-                .map(|truth| true_error(film, truth)),
+            rmse_reference: truth.map(|truth| true_error(film, truth)),
             processor_seconds,
         });
     }

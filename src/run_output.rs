@@ -4,21 +4,22 @@
 
 //! The files of a run, kept up to date while it goes on.
 
-use std::cell::{LazyCell, OnceCell};
+use std::cell::LazyCell;
 use std::collections::BTreeMap;
-use std::io::{self, Write};
+use std::io::Write;
 use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
 
-use crate::compare::display::{self, Curve, Exposure};
+use crate::compare::display::{Curve, Exposure, cut_out, tonemap};
 use crate::film::Film;
 use crate::filter::{Filtered, FirstHits};
-use crate::image::{Format, Image, OPACITY, Picture};
+use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::Convergence;
 use crate::report::{Kind, as_typed};
-use crate::sensor::table::TableFormat;
+use crate::sensor::Receivers;
+use crate::sensor::table::{Table, TableFormat};
 use crate::state::checkpoint::{Known, save};
 use crate::state::key::entries;
 
@@ -60,18 +61,13 @@ pub struct RunOutput<'a> {
     every: Duration,
     /// What is known of the run, which goes into the files.
     pub known: Known,
-    /// Finds what the pixels show, if there is a camera.
-    trace: Option<&'a dyn Fn() -> FirstHits>,
-    hits: OnceCell<FirstHits>,
+    /// What the pixels show, if there is a camera.
+    hits: Option<LazyCell<FirstHits, &'a dyn Fn() -> FirstHits>>,
     /// By how much PNG files are brighter, if that is said.
     pub exposure: Option<Exposure>,
-    /// Writes the values of receivers, if there are any.
-    pub table: Option<&'a WriteTable<'a>>,
+    /// The receivers, if there are any, and their table.
+    pub table: Option<(&'a Table, &'a Receivers)>,
 }
-
-/// Writes the values on a film of receivers.
-pub type WriteTable<'a> =
-    dyn Fn(TableFormat, &Film, &mut dyn Write) -> io::Result<()> + 'a;
 
 impl RunFile {
     fn is_due(&self, now: Instant, convergence: &Convergence) -> bool {
@@ -81,8 +77,6 @@ impl RunFile {
         (is_new || !is_report) && self.due.is_some_and(|due| now >= due)
     }
 }
-
-const SECOND: Duration = Duration::from_secs(1);
 
 /// The names and values of a run as the attributes of its image.
 pub fn attributes(known: &Map<String, Value>) -> BTreeMap<String, String> {
@@ -113,16 +107,8 @@ impl<'a> RunOutput<'a> {
             RunFile { product, target, due, seconds: 0. }
         };
         let files = files.into_iter().map(file).collect();
-        let hits = OnceCell::new();
-        Self {
-            files,
-            every,
-            known,
-            trace,
-            hits,
-            exposure: None,
-            table: None,
-        }
+        let hits = trace.map(LazyCell::new);
+        Self { files, every, known, hits, exposure: None, table: None }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -136,7 +122,7 @@ impl<'a> RunOutput<'a> {
         film: &Film,
         now: Option<Instant>,
     ) -> Result<(), String> {
-        let Self { files, every, known, trace, hits, .. } = self;
+        let Self { files, every, known, hits, .. } = self;
         let (exposure, table) = (self.exposure, self.table);
         known.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
@@ -144,49 +130,38 @@ impl<'a> RunOutput<'a> {
         };
         // Filter the image if a file shows it
         let began = Instant::now();
-        let mut shown =
-            files.iter().filter(|file| file.product.is_picture());
-        let filtered = match trace {
-            Some(trace) if known.run_key.filtered && shown.any(is_due) => {
-                Filtered::of(film, hits.get_or_init(trace))
-            }
-            _ => None,
-        };
+        let shows =
+            |file: &RunFile| file.product.is_picture() && is_due(file);
+        let is_shown = known.run_key.filtered && files.iter().any(shows);
+        let guide = hits.as_ref().filter(|_| is_shown);
+        let filtered = guide.and_then(|hits| Filtered::of(film, hits));
         known.report.picture = filtered.as_ref().map(|f| f.error);
         let filtering = began.elapsed();
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
         // Choose the exposure of pictures
         let has = |wanted| files.iter().any(|file| file.product == wanted);
-        let (png, page) =
-            (Product::Image(Format::Png), Product::Report(Kind::Html));
-        let hits = &*hits;
-        let stops_of = |exposure: Exposure| match *trace {
-            Some(trace) if exposure == Exposure::Auto => {
-                let hits = hits.get_or_init(trace);
+        let stops_of = |exposure: Exposure| match &*hits {
+            Some(hits) if exposure == Exposure::Auto => {
                 exposure.stops(hits.of_surfaces(film.means()))
             }
             _ => exposure.stops(film.means().filter(|mean| *mean < 1.)),
         };
-        if has(png) && film.unsampled() < film.area() {
+        let is_png = has(Product::Image(Format::Png));
+        if is_png && film.unsampled() < film.area() {
             known.report.exposure = exposure.map(&stops_of);
-            let dark =
-                film.means().filter(|mean| *mean < 0.1).count() as u64;
+            let dark = film.means().filter(|m| *m < 0.1).count() as u64;
             let is_dark = dark >= film.area() - film.area() / 10;
             known.report.is_dark = is_dark && exposure.is_none();
         }
-        if has(page) {
+        if has(Product::Report(Kind::Html)) {
             known.report.page_exposure =
                 stops_of(exposure.unwrap_or(Exposure::Auto));
         }
         let stops = known.report.exposure.filter(|&stops| stops != 0.);
         let behind = known.run_key.subject.light().behind;
-        let cover = |trace: &dyn Fn() -> FirstHits| {
-            hits.get_or_init(trace).opacity.as_deref()
-        };
-        let opacity = match behind {
-            Some(_) if has(png) || has(Product::Image(Format::Exr)) => {
-                trace.and_then(cover)
-            }
+        let is_read = is_png || has(Product::Image(Format::Exr));
+        let opacity = match (behind, &*hits) {
+            (Some(_), Some(hits)) if is_read => hits.opacity.as_deref(),
             _ => None,
         };
         let known = &*known;
@@ -207,9 +182,9 @@ impl<'a> RunOutput<'a> {
                         opacity.map(|a| (OPACITY, a.to_vec())),
                     );
                     let shown = Image { more, ..shown() };
-                    let cut = display::cut_out(shown, behind.unwrap_or(0.));
+                    let cut = cut_out(shown, behind.unwrap_or(0.));
                     let stops = stops.unwrap_or(0.);
-                    let grey = display::tonemap(&cut, stops, Curve::Clamp);
+                    let grey = tonemap(&cut, stops, Curve::Clamp);
                     Format::Png
                         .write(&Image { more: cut.more, ..grey }, out)
                 }
@@ -219,11 +194,12 @@ impl<'a> RunOutput<'a> {
                     Format::Png.write(shown, out)
                 }
                 Product::Image(format) => format.write(&image(), out),
-                Product::Report(kind) => {
-                    out.write_all(page(kind).as_bytes())
-                }
+                Product::Report(kind) => write!(out, "{}", page(kind)),
                 Product::Table(format) => {
-                    table.map_or(Ok(()), |table| table(format, film, out))
+                    let write = |(table, all): (&Table, _)| {
+                        table.write(format, all, film, out)
+                    };
+                    table.map_or(Ok(()), write)
                 }
                 Product::State => save(known, film, out),
             };
@@ -238,19 +214,14 @@ impl<'a> RunOutput<'a> {
                 took += filtering;
             }
             let pause = match file.product {
-                Product::Image(_) | Product::Table(_) => {
-                    SECOND.max(10 * took)
-                }
                 Product::Report(_) => 100 * took,
                 Product::State => *every,
+                _ => Duration::from_secs(1).max(10 * took),
             };
             file.due = file.due.and(Instant::now().checked_add(pause));
             file.seconds = convergence.seconds;
         }
-        match failures.is_empty() {
-            true => Ok(()),
-            false => Err(failures.join("; ")),
-        }
+        if failures.is_empty() { Ok(()) } else { Err(failures.join("; ")) }
     }
 
     /// A guess of the seconds that all files take for so many pixels, if none
@@ -305,8 +276,8 @@ fn picture<'f>(
     let errors = filtered.and_then(|image| image.errors.as_deref());
     let more = [
         (OPACITY, opacity),
-        ("filtered.Y", filtered.map(|image| &image.means[..])),
-        ("filtered_stderr.Y", errors),
+        (FILTERED[0], filtered.map(|image| &image.means[..])),
+        (FILTERED[1], errors),
     ];
     let more = more.into_iter().filter_map(|(n, all)| Some((n, all?)));
     Picture { film, more: more.collect(), attributes: attributes(&all) }

@@ -86,8 +86,7 @@ impl Sampler for IndependentSampler {
 
     #[inline(always)]
     fn start(&self, pixel: u64, index: u64) -> Self {
-        let seed = self.seed;
-        Self { seed, random: generator(seed, pixel, index) }
+        Self { random: generator(self.seed, pixel, index), ..*self }
     }
 
     #[inline(always)]

@@ -74,7 +74,6 @@ fn has_area([a, b, c]: Triangle) -> bool {
 }
 
 /// Triangles near the origin, with the map that brought them there.
-#[derive(Clone, Debug)]
 pub struct Scene {
     /// The map.
     pub frame: Frame,

@@ -14,7 +14,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::bvh::{BEAM, Bvh, Hit, Intersector, NONE, is_within, lifted};
+use crate::bvh::{BEAM, Batch, Bvh, Hit, Intersector, NONE};
+use crate::bvh::{is_within, lifted};
 use crate::camera::Camera;
 use crate::numerics::{cross, normalise, power_of_two};
 use crate::sampler::{to_unit, within};
@@ -33,7 +34,7 @@ pub struct Starts {
     /// Where their rays went; those of receivers have none.
     pub directions: [DVec3; BEAM],
     /// The surfaces that they have met, or receivers.
-    pub hits: [Option<Hit>; BEAM],
+    pub hits: Batch<Hit>,
     /// The number of rays traced.
     pub rays: u64,
 }
@@ -48,46 +49,43 @@ impl Sensor {
     pub fn starts(
         &self,
         intersector: &impl Intersector,
-        places: &[Option<Place>; BEAM],
+        places: &Batch<Place>,
         (width, height): (u32, u32),
         sees_sky: bool,
     ) -> Starts {
-        match self {
-            Self::Camera(camera, entrance) => {
-                let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
-                for (i, place) in places.iter().enumerate() {
-                    if let &Some(((x, y), [u, v])) = place {
-                        across[i] = within(x, width, u);
-                        down[i] = within(y, height, v);
-                    }
-                }
-                let directions = camera.directions(&across, &down);
-                let rays = array::from_fn(|i| match places[i] {
-                    Some(_) if !sees_sky => entrance.enter(directions[i]),
-                    _ => None,
-                });
-                let mut hits = intersector.first_hits(&rays);
-                if !sees_sky {
-                    // Have rays that miss the scene meet the ground
-                    for (i, hit) in hits.iter_mut().enumerate() {
-                        if places[i].is_some() && rays[i].is_none() {
-                            *hit = ground_below(
-                                intersector,
-                                entrance,
-                                directions[i],
-                            );
-                        }
-                    }
-                }
-                let rays = rays.iter().flatten().count() as u64;
-                Starts { directions, hits, rays }
-            }
+        let (camera, entrance) = match self {
+            Self::Camera(camera, entrance) => (camera, entrance),
             Self::Receivers(receivers) => {
                 let hit = |((_, y), u): Place| receivers.hit(y as usize, u);
                 let hits = array::from_fn(|i| places[i].map(hit));
-                Starts { directions: [DVec3::ZERO; BEAM], hits, rays: 0 }
+                let directions = [DVec3::ZERO; BEAM];
+                return Starts { directions, hits, rays: 0 };
+            }
+        };
+        let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
+        for (i, place) in places.iter().enumerate() {
+            if let &Some(((x, y), [u, v])) = place {
+                across[i] = within(x, width, u);
+                down[i] = within(y, height, v);
             }
         }
+        let directions = camera.directions(&across, &down);
+        let rays = array::from_fn(|i| match places[i] {
+            Some(_) if !sees_sky => entrance.enter(directions[i]),
+            _ => None,
+        });
+        let mut hits = intersector.first_hits(&rays);
+        if !sees_sky {
+            // Have rays that miss the scene meet the ground
+            for (i, hit) in hits.iter_mut().enumerate() {
+                if places[i].is_some() && rays[i].is_none() {
+                    *hit =
+                        ground_below(intersector, entrance, directions[i]);
+                }
+            }
+        }
+        let rays = rays.iter().flatten().count() as u64;
+        Starts { directions, hits, rays }
     }
 
     /// Starts a sample at the point (`x`, `y`) of the image: where its ray
@@ -109,8 +107,8 @@ impl Sensor {
                 (direction, ray, hit)
             }
             Self::Receivers(receivers) => {
-                let row = y * receivers.len() as f64;
-                let last = receivers.len() - 1;
+                let row = y * receivers.count() as f64;
+                let last = receivers.count() - 1;
                 let u = [x, row.fract()].map(|u| (u * UNITS) as u32);
                 let hit = receivers.hit((row as usize).min(last), u);
                 (DVec3::ZERO, None, Some(hit))
@@ -132,16 +130,16 @@ fn ground_below(
 /// The integers that a point in a pixel is made of: 2^32.
 const UNITS: f64 = power_of_two(32);
 
-/// The receivers of a film, in its order.
-#[derive(Clone, Debug, PartialEq)]
+/// The receivers that are asked for.
 pub struct Receivers {
-    /// The number of each among all that were asked for.
+    /// The number of each that may have a value, in the order of the film.
     pub numbers: Vec<u32>,
     surfaces: Surface,
+    /// The numbers of others, and why they have none.
+    pub refused: Vec<(u32, Refusal)>,
 }
 
 /// What receives.
-#[derive(Clone, Debug, PartialEq)]
 enum Surface {
     /// A point, and the normal there.
     Points(Vec<Hit>),
@@ -151,7 +149,6 @@ enum Surface {
 }
 
 /// A triangle of a face.
-#[derive(Clone, Copy, Debug, PartialEq)]
 struct Part {
     corners: Triangle,
     /// Twice its area, with the triangles of the face before it.
@@ -162,8 +159,7 @@ struct Part {
 
 impl Receivers {
     /// How many.
-    #[allow(clippy::len_without_is_empty)]
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.numbers.len()
     }
 
@@ -191,94 +187,73 @@ impl Receivers {
         Hit { point, normal, primitive: NONE }
     }
 
-    /// Those of these numbers, in this order.
-    fn in_order(&self, order: impl Iterator<Item = usize> + Clone) -> Self {
-        let numbers = order.clone().map(|i| self.numbers[i]).collect();
-        let surfaces = match &self.surfaces {
+    /// All points, in the coordinates of the file, and their normals.
+    pub fn points(all: &[DVec3], normals: &[DVec3], frame: &Frame) -> Self {
+        let all = all.par_iter().zip(normals).map(|(&p, &normal)| {
+            let normal = normalise(normal).normalize_or_zero();
+            let place = frame.entrance(p).place();
+            point(place.ok_or(Refusal::Far)?, normal)
+        });
+        Self::sifted(all.collect(), Surface::Points)
+    }
+
+    /// Those that may have a value, and the others.
+    fn sifted<T>(
+        all: Vec<Result<T, Refusal>>,
+        surfaces: impl FnOnce(Vec<T>) -> Surface,
+    ) -> Self {
+        let (mut numbers, mut sound, mut refused) =
+            (vec![], vec![], vec![]);
+        for (number, one) in (0..).zip(all) {
+            match one {
+                Ok(one) => {
+                    numbers.push(number);
+                    sound.push(one);
+                }
+                Err(why) => refused.push((number, why)),
+            }
+        }
+        Self { numbers, surfaces: surfaces(sound), refused }
+    }
+
+    /// A point of each.
+    pub fn middles(&self) -> Vec<DVec3> {
+        let middle = |i| self.hit(i, [1 << 31; 2]).point;
+        (0..self.count()).map(middle).collect()
+    }
+
+    /// Puts them in the order of their keys; points that are too close to a
+    /// surface of the hierarchy are refused.
+    pub fn settle(&mut self, bvh: &Bvh, key: impl Fn(&Hit) -> u64 + Sync) {
+        let is_point = matches!(self.surfaces, Surface::Points(_));
+        let all = (0..self.count()).into_par_iter().map(|i| {
+            let hit = self.hit(i, [1 << 31; 2]);
+            (is_point && is_close(bvh, hit.point), key(&hit), i)
+        });
+        let mut all: Vec<_> = all.collect();
+        all.par_sort_unstable();
+        let close = all.partition_point(|&(is_close, ..)| !is_close);
+        let close = all.split_off(close).into_iter();
+        let close = close.map(|(.., i)| (self.numbers[i], Refusal::Close));
+        self.refused.extend(close);
+        self.refused.sort_unstable_by_key(|&(number, _)| number);
+        // Put receivers in order
+        let order = all.iter().map(|&(.., i)| i);
+        self.numbers = order.clone().map(|i| self.numbers[i]).collect();
+        match &mut self.surfaces {
             Surface::Points(hits) => {
-                Surface::Points(order.map(|i| hits[i]).collect())
+                *hits = order.map(|i| hits[i]).collect()
             }
-            Surface::Faces(faces, triangles) => {
-                let faces = order.map(|i| faces[i].clone()).collect();
-                Surface::Faces(faces, triangles.clone())
+            Surface::Faces(faces, _) => {
+                *faces = order.map(|i| faces[i].clone()).collect();
             }
-        };
-        Self { numbers, surfaces }
+        }
     }
 }
 
 /// How far points are lifted along their normals: 2^-22 of the longest side
 /// that a scene may have, which is 2^13.
 const LIFT: f64 = power_of_two(-9);
-
-/// Receivers that were asked for, not yet in order.
-pub struct Candidates {
-    /// Those that may have a value.
-    pub receivers: Receivers,
-    /// The numbers of others, and why they have none.
-    pub refused: Vec<(u32, Refusal)>,
-    /// The number of all.
-    pub count: usize,
-}
-
-impl Candidates {
-    /// Points in the coordinates of the file.
-    pub fn points(points: &[[DVec3; 2]], frame: &Frame) -> Self {
-        let all = points.par_iter().map(|&[p, normal]| {
-            let normal = normalise(normal).normalize_or_zero();
-            let place = frame.entrance(p).place();
-            point(place.ok_or(Refusal::Far)?, normal)
-        });
-        Self::of_points(all.collect())
-    }
-
-    fn of_points(all: Vec<Result<Hit, Refusal>>) -> Self {
-        let (mut numbers, mut hits, mut refused) = (vec![], vec![], vec![]);
-        let count = all.len();
-        for (number, hit) in (0..).zip(all) {
-            match hit {
-                Ok(hit) => {
-                    numbers.push(number);
-                    hits.push(hit);
-                }
-                Err(why) => refused.push((number, why)),
-            }
-        }
-        let surfaces = Surface::Points(hits);
-        Self { receivers: Receivers { numbers, surfaces }, refused, count }
-    }
-
-    /// A point of each.
-    pub fn middles(&self) -> Vec<DVec3> {
-        let all = 0..self.receivers.len();
-        let middle = |i| self.receivers.hit(i, [1 << 31; 2]).point;
-        all.map(middle).collect()
-    }
-
-    /// The receivers in the order of their keys; points that are too close to
-    /// a surface of the hierarchy are refused.
-    pub fn settle(
-        mut self,
-        bvh: &Bvh,
-        key: impl Fn(&Hit) -> u64 + Sync,
-    ) -> (Receivers, Vec<(u32, Refusal)>) {
-        let Receivers { numbers, surfaces } = &self.receivers;
-        let is_point = matches!(surfaces, Surface::Points(_));
-        let all = (0..numbers.len()).into_par_iter().map(|i| {
-            let hit = self.receivers.hit(i, [1 << 31; 2]);
-            (is_point && is_close(bvh, hit.point), key(&hit), i)
-        });
-        let mut all: Vec<_> = all.collect();
-        all.par_sort_unstable();
-        let close = all.partition_point(|&(is_close, ..)| !is_close);
-        let refused = all.split_off(close).into_iter();
-        let refused = refused.map(|(.., i)| (numbers[i], Refusal::Close));
-        self.refused.extend(refused);
-        self.refused.sort_unstable_by_key(|&(number, _)| number);
-        let order = all.iter().map(|&(.., i)| i);
-        (self.receivers.in_order(order), self.refused)
-    }
-}
 
 /// A lifted point of the scene.
 fn point(place: DVec3, normal: DVec3) -> Result<Hit, Refusal> {
@@ -297,45 +272,41 @@ fn is_close(bvh: &Bvh, point: DVec3) -> bool {
     )
 }
 
+/// A point and its normal.
+type Point = (DVec3, DVec3);
+
 /// Reads points with normals, in the coordinates of the file.
 ///
 /// # Errors
 /// The line at fault, from 1, and what is wrong with it, to be put behind the
 /// name of the file; or there is no point.
-pub fn read_points(text: &[u8]) -> Result<Vec<[DVec3; 2]>, String> {
+pub fn read_points(text: &[u8]) -> Result<Vec<Point>, String> {
     let text = str::from_utf8(text).map_err(|_| ": not UTF-8 text")?;
     let lines: Vec<&str> = text.lines().collect();
-    let read = |(i, line): (usize, &&str)| read_point(i, line).transpose();
     let numbered = lines.par_iter().enumerate();
-    let points: Result<Vec<_>, String> =
-        numbered.filter_map(read).collect();
-    match points {
-        Ok(points) if points.is_empty() => Err(": no point".to_owned()),
-        points => points,
-    }
+    let points =
+        numbered.filter_map(|(i, line)| read_point(i, line).transpose());
+    let points: Vec<_> = points.collect::<Result<_, String>>()?;
+    let has_some = !points.is_empty();
+    has_some.then_some(points).ok_or(": no point".to_owned())
 }
 
 /// The point of a line, unless it is a comment, empty, or the head.
-fn read_point(i: usize, line: &str) -> Result<Option<[DVec3; 2]>, String> {
+fn read_point(i: usize, line: &str) -> Result<Option<Point>, String> {
     let is_blank = |c: char| c.is_whitespace() || ",;".contains(c);
     let line = line.trim_start_matches('\u{feff}');
     let words: Vec<&str> =
         line.split(is_blank).filter(|word| !word.is_empty()).collect();
-    let numbers = words.iter().map(|word| word.parse::<f64>());
-    let numbers: Vec<_> = numbers.collect();
-    if line.trim_start().starts_with('#')
-        || (numbers.iter().all(Result::is_err)
-            && (i == 0 || words.is_empty()))
-    {
+    let numbers = words.iter().filter_map(|word| word.parse().ok());
+    let numbers: Vec<f64> = numbers.collect();
+    let is_head = i == 0 || words.is_empty();
+    if line.trim_start().starts_with('#') || numbers.is_empty() && is_head {
         return Ok(None);
     }
-    let numbers: Vec<f64> = numbers.into_iter().flatten().collect();
+    let is_finite = numbers.iter().all(|n| n.is_finite());
     match numbers[..] {
-        [x, y, z, nx, ny, nz]
-            if words.len() == 6
-                && numbers.iter().all(|n| n.is_finite()) =>
-        {
-            Ok(Some([DVec3::new(x, y, z), DVec3::new(nx, ny, nz)]))
+        [x, y, z, nx, ny, nz] if is_finite && words.len() == 6 => {
+            Ok(Some((DVec3::new(x, y, z), DVec3::new(nx, ny, nz))))
         }
         _ => Err(format!(
             ":{}: expected x y z nx ny nz, six numbers, and not '{}'",
@@ -345,7 +316,20 @@ fn read_point(i: usize, line: &str) -> Result<Option<[DVec3; 2]>, String> {
     }
 }
 
-impl Candidates {
+/// Why a receiver has no value.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Refusal {
+    /// Its normal has the length zero.
+    Normal,
+    /// It is too close to a surface on which it does not lie.
+    Close,
+    /// It is far away from the scene.
+    Far,
+    /// It has no area.
+    Area,
+}
+
+impl Receivers {
     /// The vertices of triangles.
     pub fn vertices(triangles: &Triangles) -> Self {
         let places = &triangles.vertices;
@@ -360,11 +344,9 @@ impl Candidates {
                 normals[corner as usize] += normal * angle;
             }
         }
-        let all = places.iter().zip(&normals);
-        let all = all.map(|(&place, normal)| {
-            point(place, normal.normalize_or_zero())
-        });
-        Self::of_points(all.collect())
+        let normals = normals.iter().map(|n| n.normalize_or_zero());
+        let all = places.iter().zip(normals).map(|(&p, n)| point(p, n));
+        Self::sifted(all.collect(), Surface::Points)
     }
 
     /// The faces with these triangles, given the face of each, on one side or
@@ -375,20 +357,18 @@ impl Candidates {
         faces: &[u32],
         side: Side,
     ) -> Self {
-        let (mut numbers, mut all, mut refused) = (vec![], vec![], vec![]);
-        let mut parts: Vec<Part> = vec![];
         let backs: &[bool] = match side {
             Side::Front => &[false],
             Side::Back => &[true],
             Side::Both => &[false, true],
         };
-        let mut first = 0;
-        let mut number = 0;
+        let (mut all, mut parts) = (vec![], vec![]);
+        let mut triangles = triangles.iter();
         for face in faces.chunk_by(|a, b| a == b) {
             // Take the triangles of a face
             let start = parts.len() as u32;
             let mut until = 0.;
-            for corners in &triangles[first..first + face.len()] {
+            for corners in triangles.by_ref().take(face.len()) {
                 let corners =
                     corners.map(|corner| vertices[corner as usize]);
                 let [a, b, c] = corners;
@@ -400,27 +380,18 @@ impl Candidates {
                     parts.push(Part { corners, until, normal });
                 }
             }
-            first += face.len();
-            for &is_back in backs {
-                match parts.len() as u32 {
-                    end if end > start => {
-                        numbers.push(number);
-                        all.push((start..end, is_back));
-                    }
-                    _ => refused.push((number, Refusal::Area)),
-                }
-                number += 1;
-            }
+            let own = start..parts.len() as u32;
+            let own = (!own.is_empty()).then_some(own).ok_or(Refusal::Area);
+            let side = |&is_back| Ok((own.clone()?, is_back));
+            all.extend(backs.iter().map(side));
         }
-        let count = number as usize;
-        let surfaces = Surface::Faces(all, parts);
-        Self { receivers: Receivers { numbers, surfaces }, refused, count }
+        Self::sifted(all, |all| Surface::Faces(all, parts))
     }
 }
 
 /// The sides of a face that receive.
 #[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
+    ValueEnum, Clone, Copy, Debug, PartialEq, Serialize, Deserialize,
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
@@ -430,46 +401,4 @@ pub enum Side {
     Back,
     /// Each of them.
     Both,
-}
-
-/// Why a receiver has no value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Refusal {
-    /// Its normal has the length zero.
-    Normal,
-    /// It is too close to a surface on which it does not lie.
-    Close,
-    /// It is far away from the scene.
-    Far,
-    /// It has no area.
-    Area,
-}
-
-/// One line that tells of receivers without a value; `name` says what they
-/// are, and `number` turns the number of one into words.
-pub fn refusals(
-    refused: &[(u32, Refusal)],
-    count: usize,
-    name: &str,
-    number: impl Fn(u32) -> String,
-) -> Option<String> {
-    let kinds = [
-        (Refusal::Normal, "have no normal"),
-        (Refusal::Close, "are in an edge, or too close to a surface"),
-        (Refusal::Far, "are too far away"),
-        (Refusal::Area, "have no area"),
-    ];
-    let told = kinds.into_iter().filter_map(|(kind, words)| {
-        let mut of_kind = refused.iter().filter(|&&(_, why)| why == kind);
-        let first = number(of_kind.next()?.0);
-        Some(format!("{} {words}, the first {first}", 1 + of_kind.count()))
-    });
-    let told: Vec<String> = told.collect();
-    (!told.is_empty()).then(|| {
-        let all = refused.len();
-        format!(
-            "{all} of {count} {name} have no value: {}",
-            told.join("; ")
-        )
-    })
 }

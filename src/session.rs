@@ -3,14 +3,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A run of the program, from its words to its files.
 
-use std::env;
 use std::fs::{self, File};
-use std::io::{self, IsTerminal, Read, Write};
+use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 use std::process::{self, ExitCode};
 use std::sync::{Arc, Mutex};
-use std::thread;
 use std::time::{Duration, Instant};
+use std::{env, thread};
 
 use anstream::{AutoStream, ColorChoice};
 use clap::CommandFactory;
@@ -32,25 +31,21 @@ use crate::filter::FirstHits;
 use crate::image::{Format, Image};
 use crate::integrator::gather::cache::Grid;
 use crate::integrator::{Alone, Together};
-use crate::materials::{
-    AlbedoTable, FaceAlbedos, Named, Surfaces, libraries, names,
-};
+use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces};
+use crate::materials::{libraries, names};
 use crate::memory::zeroed;
 use crate::options::{Error, Options, input_name, is_dash};
 use crate::output::{OutputTarget, format_of, tell_apart};
-use crate::progress::{
-    self, ProgressBar, expect, metric, render_bar, step,
-};
+use crate::progress::{self, ProgressBar, expect, render_bar, step};
 use crate::render::Renderer;
-use crate::render::choose::{
-    Choice, Method, Request, Sampling, Setup, expected_rays,
-};
+use crate::render::choose::{Choice, Method, Request, Sampling};
+use crate::render::choose::{Setup, expected_rays};
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
 use crate::report::{Kind, Report, SceneFile};
 use crate::run_output::{Product, RunOutput, attributes};
-use crate::scene::{Frame, MarkKind, Mesh, Scene, begins_obj, read_file};
+use crate::scene::{MarkKind, Mesh, Scene, begins_obj, read_file};
 use crate::sensor::table::{Shape, Table, TableFormat};
-use crate::sensor::{Candidates, Sensor, read_points, refusals};
+use crate::sensor::{Sensor, read_points};
 use crate::sky::{Cover, Sky};
 use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::{Asked, RunKey, Subject, entries};
@@ -93,10 +88,8 @@ pub fn lead(ranks: &dyn Ranks) -> ExitCode {
         return ExitCode::from(2);
     }
     let typed = Options::parse(env::args_os());
-    match typed.and_then(|typed| run(typed, start, ranks)) {
-        Ok(stop) => ExitCode::from(status(stop, 0)),
-        Err(error) => fail(error),
-    }
+    let done = typed.and_then(|typed| run(typed, start, ranks));
+    done.map_or_else(fail, |stop| status(stop, 0).into())
 }
 
 /// Says why a program ends, and with which status.
@@ -124,10 +117,7 @@ fn print(text: &StyledStr) -> Result<(), String> {
 
 /// The exit status of a stop, which is `other` if it is no signal.
 fn status(stop: Stop, other: u8) -> u8 {
-    match stop {
-        Stop::Signal(signal) => 128 + signal as u8,
-        _ => other,
-    }
+    if let Stop::Signal(signal) = stop { 128 + signal as u8 } else { other }
 }
 
 /// Has the allocator give each dropped array back to the system if it is
@@ -177,13 +167,8 @@ fn run(
     let mut points = points.map_or(Ok(vec![]), |path| read(path, false))?;
     ranks.tell(&mut points);
     let is_named = taught.is_some() || files.iter().any(names_the_scene);
-    let mut loaded = load(
-        options,
-        [bytes, points],
-        is_named,
-        reference.as_ref(),
-        ranks,
-    )?;
+    let (sources, like) = ([bytes, points], reference.as_ref());
+    let mut loaded = load(options, sources, is_named, like, ranks)?;
     loaded.report.load_seconds = began.elapsed().as_secs_f64();
     enter("building the hierarchy", None);
     let world = build(loaded, options, ranks)?;
@@ -217,9 +202,8 @@ fn run(
     if let (Some(path), Some(taught)) = (&options.learnt, taught) {
         let (name, Checkpoint { mut known, .. }) = (path.display(), taught);
         known.run_key.part = run_key.part;
-        known
-            .belongs_to(&run_key)
-            .map_err(|fault| format!("{name}: {fault}"))?;
+        let belongs = known.belongs_to(&run_key);
+        belongs.map_err(|fault| format!("{name}: {fault}"))?;
         learnt = known.learnt;
         if learnt.get().is_none() && sampling.method == Method::Gather {
             return Err(format!("{name}: holds nothing learnt").into());
@@ -244,22 +228,16 @@ fn run(
     let has_camera = matches!(&world.sensor, Sensor::Camera(..));
     let trace = has_camera.then_some(&trace as &dyn Fn() -> FirstHits);
     let mut output = RunOutput::new(files, often, known, trace);
-    let write = |format, film: &Film, out: &mut dyn Write| match (
-        &world.table,
-        &world.sensor,
-    ) {
-        (Some(table), Sensor::Receivers(receivers)) => {
-            table.write(format, receivers, film, out)
-        }
-        _ => Ok(()),
+    output.table = match (&world.table, &world.sensor) {
+        (Some(table), Sensor::Receivers(all)) => Some((table, all)),
+        _ => None,
     };
-    output.table = Some(&write);
     let auto = image.is_some().then_some(Exposure::Auto);
     output.exposure = options.exposure.or(auto);
     // Collect the limits
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds_to_write(run.0.area());
-    let measure = options.target().unwrap_or_default().1;
+    let measure = output.known.report.measure;
     let limits = Limits {
         samples: goal.or(analysis.known.is_all().then_some(2)),
         deadline,
@@ -283,8 +261,7 @@ fn keeps_halves(
     sampling: Sampling,
     resumed: Option<&Checkpoint>,
 ) -> bool {
-    let mut products = files.iter().map(|(product, _)| product);
-    let shows = products.any(|product| product.is_picture())
+    let shows = files.iter().any(|(product, _)| product.is_picture())
         || options.part(1).is_some();
     let is_wanted =
         sampling.method != Method::Reference && shows && !options.no_filter;
@@ -452,8 +429,9 @@ struct Loaded {
     /// The report, which begins.
     report: Report,
     albedos: FaceAlbedos,
-    /// The receivers that are asked for, and what their table shows.
-    asked: Option<(Candidates, Table)>,
+    sensor: Sensor,
+    /// What is shown beside the values of receivers.
+    table: Option<Table>,
 }
 
 /// Reads a scene, and points if receivers are asked for there; with a hash of
@@ -476,19 +454,20 @@ fn load(
     }
     // Find the albedos of the faces
     let named_albedos = options.named_albedos();
-    let mut named = Named { named_albedos, ..Named::default() };
+    let band = options.band;
+    let mut named = Named { named_albedos, band, ..Named::default() };
     let ignored = names(&mesh.marks, MarkKind::Material).count();
     if options.materials && ranks.place().0 > 0 {
         named.materials = hear(ranks)?.unwrap_or_default();
     } else if options.materials {
         let folder = options.scene_file().and_then(Path::parent);
         let folder = folder.unwrap_or(Path::new(""));
-        let (materials, odd) =
+        let odd;
+        (named.materials, odd) =
             libraries(&mesh.marks, folder, options.band)?;
-        tell(ranks, &materials);
+        tell(ranks, &named.materials);
         odd.iter()
             .for_each(|odd| progress::warn(&format!("{file}: {odd}")));
-        named.materials = materials;
     } else if ignored > 0 && named.named_albedos.is_empty() {
         let albedo = options.albedo();
         progress::warn(&format!(
@@ -501,34 +480,27 @@ fn load(
     // Say what is shown
     let &Options { resolution, crop, ground, .. } = options;
     let albedo = options.albedo();
-    let (mut typed_view, has_camera) =
-        (options.view(), options.has_camera());
+    let mut view = options.view();
     let zenith = match options.zenith {
-        None => Sky::new(typed_view.up).zenith,
+        None => Sky::new(view.up).zenith,
         Some(zenith) => Sky::with(zenith, Cover::Uniform).zenith,
     };
-    if options.zenith.is_some() && typed_view.up == DVec3::Z {
-        typed_view.up = zenith;
+    if options.zenith.is_some() && view.up == DVec3::Z {
+        view.up = zenith;
     }
-    let outside = || {
+    if !options.has_camera() {
         let from = options.viewpoint.unwrap_or(Viewpoint::Iso);
         let corners = mesh.triangles.iter().flatten();
         let points = corners.map(|&i| &mesh.vertices[i as usize]);
-        typed_view.outside(from, zenith, points, aspect(resolution))
-    };
-    let outside = if has_camera { None } else { outside() };
-    let view = outside.unwrap_or(typed_view);
+        let outside =
+            view.outside(from, zenith, points, aspect(resolution));
+        view = outside.unwrap_or(view);
+    }
     let behind = options.background;
     let light = Sky { behind, ..Sky::with(zenith, options.sky) };
     let sky = (light != Sky::new(view.up)).then_some(light);
-    let receivers = match options {
-        Options { points: Some(_), .. } => {
-            Some(Asked::Points(sha256(&points)))
-        }
-        Options { faces: Some(side), .. } => Some(Asked::Faces(*side)),
-        Options { vertices: true, .. } => Some(Asked::Vertices),
-        _ => None,
-    };
+    let (receivers, table) =
+        asked(options, &points, &mesh, &albedos)?.unzip();
     let subject = Subject {
         resolution,
         crop,
@@ -540,7 +512,7 @@ fn load(
         receivers,
     };
     // Say where the camera stands
-    if !has_camera && !options.has_receivers() {
+    if !options.has_camera() && !options.has_receivers() {
         let View { position, target, up, .. } = subject.view;
         let [p, t, u] = [position, target, up].map(typed);
         let mut options = format!("-p {p} -t {t}");
@@ -577,48 +549,47 @@ fn load(
             return Err(format!("{}: shows {differing}", path.display()));
         }
     }
-    let shape = shape(options, &points, &mesh)?;
     let scene = Scene::of(mesh);
-    let asked = shape.map(|shape| {
-        let candidates = candidates(&shape, &scene);
-        let count = candidates.count;
-        let albedos = options.radiosity.then(|| albedos.clone());
-        (candidates, Table { shape, count, albedos })
-    });
-    Ok(Loaded { scene, subject, report, albedos, asked })
+    // Say what starts the samples
+    let sensor = match &table {
+        Some(table) => Sensor::Receivers(table.receivers(&scene)),
+        None => {
+            let camera = Camera::new(&subject.view, aspect(resolution))?;
+            let entrance = scene.frame.entrance(camera.position);
+            Sensor::Camera(camera, entrance)
+        }
+    };
+    Ok(Loaded { scene, subject, report, albedos, sensor, table })
 }
 
-/// What bears the values of receivers, if they are asked for.
-fn shape(
+/// The receivers that are asked for, if any, and their table.
+fn asked(
     options: &Options,
     points: &[u8],
     mesh: &Mesh,
-) -> Result<Option<Shape>, String> {
-    let (vertices, triangles) = (&mesh.vertices, &mesh.triangles);
-    Ok(if let Some(path) = &options.points {
-        let read = read_points(points);
-        let file = input_name(path);
-        Some(Shape::Points(read.map_err(|e| format!("{file}{e}"))?))
-    } else if let Some(side) = options.faces {
-        let (vertices, triangles) = (vertices.clone(), triangles.clone());
-        Some(Shape::Faces(vertices, triangles, mesh.faces(), side))
-    } else if options.vertices {
-        Some(Shape::Vertices(vertices.clone(), triangles.clone()))
-    } else {
-        None
-    })
-}
-
-/// The receivers of a shape in a scene.
-fn candidates(shape: &Shape, scene: &Scene) -> Candidates {
-    match shape {
-        Shape::Points(points) => Candidates::points(points, &scene.frame),
-        Shape::Vertices(..) => Candidates::vertices(&scene.triangles),
-        Shape::Faces(_, triangles, faces, side) => {
-            let vertices = &scene.triangles.vertices;
-            Candidates::faces(vertices, triangles, faces, *side)
+    albedos: &FaceAlbedos,
+) -> Result<Option<(Asked, Table)>, String> {
+    let of_mesh = |asked, shape| {
+        (asked, shape, mesh.vertices.clone(), mesh.triangles.clone())
+    };
+    let (asked, shape, vertices, triangles) = match options {
+        Options { points: Some(path), .. } => {
+            let read = read_points(points);
+            let read = read.map_err(|e| format!("{}{e}", input_name(path)));
+            let (places, normals) = read?.into_iter().unzip();
+            let asked = Asked::Points(sha256(points));
+            (asked, Shape::Points(normals), places, vec![])
         }
-    }
+        &Options { faces: Some(side), .. } => {
+            of_mesh(Asked::Faces(side), Shape::Faces(mesh.faces(), side))
+        }
+        Options { vertices: true, .. } => {
+            of_mesh(Asked::Vertices, Shape::Vertices)
+        }
+        _ => return Ok(None),
+    };
+    let albedos = options.radiosity.then(|| albedos.clone());
+    Ok(Some((asked, Table { shape, vertices, triangles, albedos })))
 }
 
 /// The bytes of a file or of standard input.
@@ -689,8 +660,8 @@ fn build(
     ranks: &dyn Ranks,
 ) -> Result<World, String> {
     let began = Instant::now();
-    let Loaded { scene, subject, report, albedos, asked } = loaded;
-    let sensor = camera(&subject, &scene.frame)?;
+    let Loaded { scene, mut subject, report, albedos, mut sensor, table } =
+        loaded;
     // Leave out what would take too long to look for
     let (width, height) = subject.resolution;
     let tiles = f64::from(width) * f64::from(height) / 256.;
@@ -708,15 +679,11 @@ fn build(
         options.tiles.unwrap_or((1, 1)),
         tile_height(subject.resolution),
     );
-    let area = match &asked {
-        Some((candidates, _)) => candidates.receivers.len(),
-        None => tiles.area(),
-    } as f64;
-    let paths = options.goal(1).map(|n| n as f64 * area);
-    let is_outside = matches!(
-        &sensor,
-        Sensor::Camera(_, entrance) if !entrance.is_inside && asked.is_none()
-    );
+    let (area, is_outside) = match &sensor {
+        Sensor::Camera(_, entrance) => (tiles.area(), !entrance.is_inside),
+        Sensor::Receivers(receivers) => (receivers.count(), false),
+    };
+    let paths = options.goal(1).map(|n| n as f64 * area as f64);
     let rays =
         expected_rays((is_outside, subject.albedo), paths, options.time);
     let rays = rays / ranks.place().1 as f64;
@@ -738,40 +705,27 @@ fn build(
     let bvh = bvh.map_err(|e| e.to_string())?.above(ground);
     drop(step);
     let albedos = AlbedoTable::new(&albedos, &bvh)?;
-    let (analysis, table) = (SceneAnalysis::default(), None);
-    let mut world =
-        World { subject, report, sensor, albedos, bvh, analysis, table };
     // Settle the receivers
-    if let Some((candidates, table)) = asked {
-        let middles = candidates.middles();
-        let grid = Grid::around(&middles);
-        let (receivers, refused) =
-            candidates.settle(&world.bvh, |hit| grid.order(hit));
-        let names = match &table.shape {
-            Shape::Points(_) => "points",
-            Shape::Vertices(..) => "vertices",
-            Shape::Faces(..) => "faces",
-        };
-        let number = |number| match table.face(number) {
-            (face, true) => format!("the back of {}", face + 1),
-            (face, false) => (face + 1).to_string(),
-        };
-        let told = refusals(&refused, table.count, names, number);
+    if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor) {
+        let grid = Grid::around(&all.middles());
+        all.settle(&bvh, |hit| grid.order(hit));
+        let told = table.refusals(all);
         told.iter().for_each(|told| progress::warn(told));
-        let count = receivers.len();
+        let (count, name) = (all.count(), table.shape.name());
         if count == 0 {
-            return Err(format!("none of the {names} has a value"));
+            return Err(format!("none of the {name} has a value"));
         }
-        world.subject.resolution = (1, count as u32);
+        subject.resolution = (1, count as u32);
         let rows = count.div_ceil(256) as u32;
         if options.tiles.is_some_and(|(_, n)| n > rows) {
             return Err(format!(
-                "--tiles: the {count} {names} have {rows} tiles, and not more bands"
+                "--tiles: the {count} {name} have {rows} tiles, and not more bands"
             ));
         }
-        world.sensor = Sensor::Receivers(receivers);
-        world.table = Some(table);
     }
+    let analysis = SceneAnalysis::default();
+    let mut world =
+        World { subject, report, sensor, albedos, bvh, analysis, table };
     let World { bvh, .. } = &world;
     let analysis = SceneAnalysis::find(&left_out, bvh, &world.view(), kept);
     let report = &mut world.report;
@@ -781,14 +735,6 @@ fn build(
     report.build_seconds = began.elapsed().as_secs_f64();
     world.analysis = analysis;
     Ok(world)
-}
-
-/// The camera that is asked for; any, if there are receivers.
-fn camera(subject: &Subject, frame: &Frame) -> Result<Sensor, String> {
-    let &Subject { ref view, resolution, .. } = subject;
-    let camera = Camera::new(view, aspect(resolution))?;
-    let entrance = frame.entrance(camera.position);
-    Ok(Sensor::Camera(camera, entrance))
 }
 
 /// Tells what can be left out, and what the rest is made of.
@@ -891,7 +837,7 @@ fn film_so_far(
     let parts = parts.into_iter().filter(|&(is_needed, _)| is_needed);
     let sums: usize = parts.map(|(_, area)| area).sum();
     zeroed::<Accumulator>(sums).map_err(|_| {
-        let bytes = metric(64. * sums as f64);
+        let bytes = progress::metric(64. * sums as f64);
         format!("too little memory: {bytes}B more are needed")
     })?;
     let mut film = run_key.film();
@@ -906,9 +852,8 @@ fn film_so_far(
     // Go on from a checkpoint
     if let (Some(saved), Some(path)) = (resumed, &options.resume) {
         let name = path.display();
-        convergence = saved
-            .resume(run_key, &mut film)
-            .map_err(|fault| format!("{name}: {fault}"))?;
+        let resumed = saved.resume(run_key, &mut film);
+        convergence = resumed.map_err(|e| format!("{name}: {e}"))?;
         let spp = convergence.spp;
         if goal.is_some_and(|n| 0 < n && n <= spp) {
             progress::warn(&format!(

@@ -14,20 +14,11 @@ use crate::numerics::normalise;
 /// How the radiance of the sky is distributed; a horizontal surface in the
 /// open gets the same from each.
 #[derive(
-    ValueEnum,
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    Serialize,
-    Deserialize,
+    ValueEnum, Clone, Copy, Debug, PartialEq, Serialize, Deserialize,
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Cover {
     /// The same in all directions.
-    #[default]
     Uniform,
     /// In proportion to 1 + 2 sin γ at the altitude γ (Moon and Spencer
     /// 1942; ISO 15469, type 16).

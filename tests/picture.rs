@@ -6,6 +6,7 @@
 
 use crate::common;
 
+use crate::ptimg::pixels;
 use common::Scratch;
 use glam::DVec3;
 use litpt::film::{Film, FilmTile, Window, add_value};
@@ -188,7 +189,7 @@ fn a_background_is_seen_behind_what_the_opacity_tells() {
         place.done(&format!("{view} -oa.pfm"));
         place.done(&format!("{view} --background=0.25 -ob.pfm -ob.png"));
         let [sky, grey] = ["a.pfm", "b.pfm"].map(|n| place.image(n).means);
-        let (kind, bytes) = place.png("b.png");
+        let (kind, bytes) = pixels(&place, "b.png");
         assert_eq!(kind, png::ColorType::GrayscaleAlpha);
         let mut parts = [0; 3];
         for (i, pixel) in bytes.chunks(4).enumerate() {
@@ -212,6 +213,20 @@ fn a_background_is_seen_behind_what_the_opacity_tells() {
             parts[kind] += 1;
         }
         assert!(parts.iter().all(|&count| count > 9), "{parts:?}");
+    }
+    // What ptimg shows of the numbers of a filtered picture is the same.
+    place.done(
+        "a.obj -r0.5 -d32x24 -n64 --integrator=gather --background=0.25 \
+         -oc.exr -oc.png",
+    );
+    place.ptimg("tonemap c.exr -od.png").succeeded();
+    let [(a, shown), (b, again)] =
+        ["c.png", "d.png"].map(|name| pixels(&place, name));
+    assert_eq!(a, b);
+    for (a, b) in shown.chunks(2).zip(again.chunks(2)) {
+        let level = |l: &[u8]| i32::from(u16::from_be_bytes([l[0], l[1]]));
+        // A mean of 24 bits is off by 2^-24 of itself.
+        assert!((level(a) - level(b)).abs() <= 1);
     }
     let run = place.free("a.obj --vertices --background=1");
     run.failed(2, &["cannot be used"]);

@@ -6,6 +6,8 @@
 
 use crate::common;
 
+use std::io::Cursor;
+
 use common::{Scratch, feed, pgm};
 use exr::math::Vec2;
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
@@ -51,6 +53,15 @@ fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
     };
     write(place, name, &image);
     image
+}
+
+/// What the pixels of a PNG have, and the bytes of their levels.
+pub fn pixels(place: &Scratch, name: &str) -> (png::ColorType, Vec<u8>) {
+    let file = Cursor::new(place.get(name));
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    (reader.info().color_type, bytes)
 }
 
 fn write(place: &Scratch, name: &str, image: &Image) {
@@ -392,12 +403,12 @@ fn three_bands_make_a_colour_image() {
     let rgb =
         |to: &str| place.ptimg(&format!("rgb 1.exr 2.exr 3.exr {to}"));
     rgb("-oc.png -oc.exr").succeeded();
-    let (kind, levels) = place.png("c.png");
+    let (kind, levels) = pixels(&place, "c.png");
     assert_eq!(kind, png::ColorType::Rgb);
     for (k, image) in bands.iter().enumerate() {
         write(&place, "grey.png", image);
         let band = levels.chunks(6).flat_map(|p| &p[2 * k..2 * k + 2]);
-        assert!(band.eq(&place.png("grey.png").1), "{k}");
+        assert!(band.eq(&pixels(&place, "grey.png").1), "{k}");
     }
     let read = place.image("c.exr").means;
     for (i, found) in read.into_iter().enumerate() {
@@ -419,6 +430,12 @@ fn three_bands_make_a_colour_image() {
     other.attributes.insert("fov".into(), "40".into());
     write(&place, "2.exr", &other);
     assert!(rgb("-oe.png").stderr.contains("2.exr: fov 70 against 40"));
+    assert!(
+        rgb("-f -oe.png").stderr.contains("2.exr: it has another seed")
+    );
+    other.attributes.insert("band".into(), "b".into());
+    write(&place, "2.exr", &other);
+    rgb("-of.png").failed(1, &["2.exr: it is of --band b, not g"]);
 }
 
 #[test]

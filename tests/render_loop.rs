@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use litpt::bvh::{Hit, Intersector};
-use litpt::film::{Film, FilmTile, Measure, Summary, WORTH, Watch};
+use litpt::film::{Film, FilmTile, Summary, WORTH, Watch};
 use litpt::integrator::{Integrator, PathEvent};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Limits, Stop};
@@ -456,11 +456,11 @@ fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
     let mut convergence = Convergence::default();
     (convergence.seconds, convergence.rays) = (1.5, rays);
     // Its error is unknown, and that is recorded.
-    convergence.record(&film, None, Measure::default());
+    convergence.record(&film, &Limits::default());
     let point = convergence.curve[0];
     assert_eq!((point.spp, point.rmse, point.mean_stderr), (0, None, None));
     assert!(point.mean > 0.);
-    convergence.record(&film, None, Measure::default());
+    convergence.record(&film, &Limits::default());
     assert_eq!(convergence.curve.len(), 1);
     let limit = Limits { samples: Some(5), ..limits() };
     let stop = go_on(&mut job, &mut convergence, &mut film, &limit);

@@ -10,21 +10,18 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use crate::bvh::Intersector;
+use crate::bvh::{Bvh, Intersector};
 use crate::numerics::cross;
 use crate::scene::{Entrance, Triangle, scattered};
 
 /// Whether some ray from the camera leaves the scene; then no closed
 /// surface is around it.
-pub fn lets_out(
-    entrance: &Entrance,
-    intersector: &impl Intersector,
-) -> bool {
+pub fn lets_out(entrance: &Entrance, bvh: &Bvh) -> bool {
     let mut random = Pcg64::seed_from_u64(0);
     (0..RAYS).any(|_| {
         let direction = DVec3::from(random.random::<[f64; 3]>()) - 0.5;
         let ray = entrance.enter(direction.normalize());
-        ray.is_none_or(|ray| !intersector.is_occluded(&ray, None))
+        ray.is_none_or(|ray| !bvh.is_occluded(&ray, None))
     })
 }
 

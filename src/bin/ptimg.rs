@@ -17,7 +17,7 @@ use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
 use litpt::film::SIDE;
-use litpt::image::{BANDS, Format, Image, luminance};
+use litpt::image::{BANDS, Format, Image, OPACITY, luminance};
 use litpt::options::{LICENCE, parse_words};
 use litpt::output::{OutputTarget, descriptor, format_of, tell_apart};
 use litpt::progress;
@@ -69,12 +69,16 @@ enum Verb {
         /// What becomes of radiances brighter than white
         #[arg(short, long, value_name = "CURVE", default_value = "clamp")]
         tonemap: Curve,
+
+        /// Show the noise of a picture that was filtered
+        #[arg(long)]
+        no_filter: bool,
     },
     /// Make a colour image, .png or .exr, of three of one seed, of --band r, g
     /// and b
     Rgb {
         /// Red, green and blue
-        #[arg(value_name = "IN", num_args = 3, required = true)]
+        #[arg(value_names = ["R", "G", "B"], num_args = 3, required = true)]
         bands: Vec<PathBuf>,
 
         #[command(flatten)]
@@ -213,12 +217,12 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
     match verb {
         Verb::Info { files, json } => inform(files, *json)?,
         // Make an image for the screen
-        Verb::Tonemap { input, to, exposure, tonemap } => {
+        Verb::Tonemap { input, to, exposure, tonemap, no_filter } => {
             let targets = to.targets(Format::Pgm, true)?;
-            let image = read(input)?;
+            let image = looked_at(input, *no_filter)?;
             let stops = stops(*exposure, &image);
             let grey = display::tonemap(&image, stops, *tonemap);
-            write(&targets, &grey)?;
+            write(&targets, &Image { more: image.more, ..grey })?;
         }
         // Make a colour image of three
         Verb::Rgb { bands, to, exposure } => {
@@ -232,7 +236,8 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             }
             let images = bands.iter().map(|path| read(path));
             let images: Vec<_> = images.collect::<Result<_, _>>()?;
-            for (path, image) in bands.iter().zip(&images).skip(1) {
+            for (i, (path, image)) in bands.iter().zip(&images).enumerate()
+            {
                 // Compare a band with the first
                 let size = |image: &Image| (image.width, image.height);
                 if size(image) != size(&images[0]) {
@@ -241,18 +246,34 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                         path.display()
                     ));
                 }
-                let others =
-                    disagreements(&images[0].attributes, &image.attributes);
-                for what in others
-                    .iter()
-                    .filter(|what| !what.starts_with("materials "))
+                let [first, own] =
+                    [&images[0], image].map(|image| &image.attributes);
+                let wanted = ["r", "g", "b"][i];
+                if let Some(band) =
+                    own.get("band").filter(|band| *band != wanted)
                 {
+                    let path = path.display();
+                    return Err(format!(
+                        "{path}: it is of --band {band}, not {wanted}"
+                    ));
+                }
+                let mut others = disagreements(first, own);
+                others.retain(|what| !what.starts_with("materials "));
+                if first.get("seed") != own.get("seed") {
+                    others.push("it has another seed".to_owned());
+                }
+                for what in others {
                     progress::warn(&format!("{}: {what}", path.display()));
                 }
             }
             let colours = colours(&images);
+            let images = images.into_iter().map(display::picture);
+            let images: Vec<_> = images.collect();
             let stops = stops(*exposure, &colours);
-            let expose = |band| display::tonemap(band, stops, Curve::Clamp);
+            let expose = |band: &Image| Image {
+                more: band.more.clone(),
+                ..display::tonemap(band, stops, Curve::Clamp)
+            };
             let shown =
                 self::colours(&Vec::from_iter(images.iter().map(expose)));
             for target in &targets {
@@ -368,6 +389,13 @@ fn write(targets: &[Target], image: &Image) -> Result<(), String> {
     })
 }
 
+/// What is to be seen of an image, perhaps without its filter.
+fn looked_at(path: &Path, no_filter: bool) -> Result<Image, String> {
+    let mut image = read(path)?;
+    image.more.retain(|(name, _)| !no_filter || *name == OPACITY);
+    Ok(display::picture(image))
+}
+
 /// The stops for an image of pt, of which what has no error is sky.
 fn stops(exposure: Exposure, image: &Image) -> f64 {
     let error = |i: usize| image.errors.as_ref().map_or(1., |all| all[i]);
@@ -393,6 +421,8 @@ fn colours(bands: &[Image]) -> Image {
     let pixel =
         |i: usize| luminance(&[0, 1, 2].map(|k: usize| bands[k].means[i]));
     let means = (0..means.len()).map(pixel).collect();
+    let opacity = bands[0].channel(OPACITY).cloned();
+    more.extend(opacity.map(|all| (OPACITY, all)));
     let mut attributes = bands[0].attributes.clone();
     attributes.retain(|name, value| {
         let has = |image: &Image| image.attributes.get(name) == Some(value);

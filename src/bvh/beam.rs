@@ -7,12 +7,10 @@ use std::array;
 
 use glam::DVec3;
 
-use super::intersector::{BEAM, Hit};
+use super::intersector::{BEAM, Batch, Hit};
 use super::spawn::hit;
-use super::traversal::{
-    Kernel, ROUGH, Slabs, Stack, Waiting, distance, is_within_bounds, look,
-    prepare,
-};
+use super::traversal::{Kernel, ROUGH, Slabs, Stack, Waiting};
+use super::traversal::{distance, is_within_bounds, look, prepare};
 use super::triangle::{LEAF, NONE, Region, slots};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -49,7 +47,7 @@ impl Beam {
     #[inline(always)]
     fn enclose(
         &mut self,
-        rays: &[Option<Ray>; BEAM],
+        rays: &Batch<Ray>,
         region: &Region,
     ) -> Option<()> {
         // Find the axis along which the beam goes
@@ -161,9 +159,9 @@ impl Beam {
 #[inline(always)]
 pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
     wide: &Wide<N>,
-    rays: &[Option<Ray>; BEAM],
+    rays: &Batch<Ray>,
     first_hit: impl Fn(&Ray) -> Option<Hit>,
-) -> [Option<Hit>; BEAM] {
+) -> Batch<Hit> {
     // Leave rays that are no beam alone
     let alone = |ray: &Option<Ray>| ray.as_ref().and_then(&first_hit);
     let mut beam = Beam::default();

@@ -13,7 +13,6 @@ use crate::scene::{Ray, Triangles};
 pub const GROUND: u32 = u32::MAX - 1;
 
 /// A plane that is perpendicular to the zenith, below all triangles.
-#[derive(Clone, Copy, Debug)]
 pub struct Ground {
     zenith: DVec3,
     /// Its height over the origin of the scene.

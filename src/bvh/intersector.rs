@@ -29,10 +29,7 @@ pub trait Intersector: Sync + Sized {
 
     /// The first hits of rays that leave no triangle, place by place: the same
     /// as with `first_hit`, and perhaps faster. Any of the rays may be missing.
-    fn first_hits(
-        &self,
-        rays: &[Option<Ray>; BEAM],
-    ) -> [Option<Hit>; BEAM] {
+    fn first_hits(&self, rays: &Batch<Ray>) -> Batch<Hit> {
         let hit = |ray| self.first_hit(ray, None);
         rays.each_ref().map(|ray| ray.as_ref().and_then(hit))
     }
@@ -68,6 +65,9 @@ pub trait Intersector: Sync + Sized {
 
 /// How many rays are asked about at a time.
 pub const BEAM: usize = 16;
+
+/// So many of something, some of which may be missing.
+pub type Batch<T> = [Option<T>; BEAM];
 
 /// Something to be done with an intersector, whichever it is.
 pub trait Dispatch {

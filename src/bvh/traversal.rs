@@ -12,10 +12,8 @@ use std::mem::MaybeUninit;
 
 use glam::DVec3;
 
-use super::triangle::{
-    GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear,
-    TriangleTest, UNIT, near, slot, slots,
-};
+use super::triangle::{GATES, LANES, LEAF, NONE, UNIT, near, slot, slots};
+use super::triangle::{Leaf, Margins, Region, Search, Shear, TriangleTest};
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
 

@@ -8,7 +8,7 @@ use std::marker::PhantomData;
 
 use super::beam;
 use super::ground::{GROUND, Ground};
-use super::intersector::{BEAM, Hit, Intersector};
+use super::intersector::{Batch, Hit, Intersector};
 #[cfg(target_arch = "x86_64")]
 use super::kernels::Vectors;
 use super::spawn::hit;
@@ -116,8 +116,8 @@ macro_rules! traverse {
             #[inline(never)]
             unsafe fn beam(
                 &self,
-                rays: &[Option<Ray>; BEAM],
-            ) -> [Option<Hit>; BEAM] {
+                rays: &Batch<Ray>,
+            ) -> Batch<Hit> {
                 // SAFETY: as above.
                 let alone = |ray: &Ray| unsafe { self.nearest(ray, None) };
                 // SAFETY: as above.
@@ -156,7 +156,7 @@ macro_rules! traverse {
                 self.ground.as_ref()?.hit(ray)
             }
 
-            fn first_hits(&self, rays: &[Option<Ray>; BEAM]) -> [Option<Hit>; BEAM] {
+            fn first_hits(&self, rays: &Batch<Ray>) -> Batch<Hit> {
                 // SAFETY: as above.
                 let mut hits = unsafe { self.beam(rays) };
                 if self.ground.is_some() {

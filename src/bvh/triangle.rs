@@ -13,7 +13,6 @@ use crate::scene::{Ray, Triangle};
 
 /// A change of coordinates that makes a ray the z axis (Woop, Benthin
 /// and Wald 2013, section 3).
-#[derive(Clone, Copy, Debug)]
 pub struct Shear {
     /// Which coordinates become x, y and z; each below 3.
     pub axes: [usize; 3],
@@ -418,7 +417,6 @@ fn extent([a, b, c]: [f64; 3]) -> f64 {
 }
 
 /// What a ray does to a triangle.
-#[derive(Clone, Copy, Debug)]
 pub enum TriangleTest {
     /// Its line goes through it, at this distance, which is negative
     /// behind the origin, and not a number if it is seen edge on.
@@ -431,7 +429,6 @@ pub enum TriangleTest {
 }
 
 /// The nearest triangle so far.
-#[derive(Clone, Copy)]
 pub struct Search<'a> {
     /// Those of the hierarchy.
     pub leaves: &'a Leaves,

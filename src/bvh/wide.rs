@@ -17,11 +17,10 @@ use obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
 use obvhs::ploc::morton::morton_encode_u64_unorm;
 use rayon::prelude::*;
 
-use super::triangle::{
-    GATES, Gate, LANES, LEAF, Leaf, Leaves, Region, UNIT, leaf, slot,
-    slots, units, write,
-};
+use super::triangle::{GATES, LANES, LEAF, UNIT, leaf, slot, slots, units};
+use super::triangle::{Gate, Leaf, Leaves, Region, write};
 use crate::memory::reserved;
+use crate::numerics::bounds;
 use crate::scene::{Triangle, Triangles};
 
 /// How much work to put into a hierarchy.
@@ -122,23 +121,16 @@ const _: () = assert!(size_of::<Node<16>>() == 512);
 type Corners = ([u32; 3], u32);
 
 /// Some triangles of a scene, and the region around them.
-#[derive(Clone, Copy)]
 struct Group<'a> {
     vertices: &'a [DVec3],
     corners: &'a [Corners],
     region: Region,
 }
 
-/// The extreme corners of the box of points.
-fn corners_of(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
-    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    points.fold(none, |(low, high), p| (low.min(p), high.max(p)))
-}
-
 /// The region of triangles.
 fn region(vertices: &[DVec3], corners: &[Corners]) -> Region {
     let points = corners.iter().flat_map(|(three, _)| three);
-    let (low, high) = corners_of(points.map(|&k| vertices[k as usize]));
+    let (low, high) = bounds(points.map(|&k| vertices[k as usize]));
     match low.x > high.x {
         true => Region::between(DVec3::ZERO, DVec3::ZERO),
         false => Region::between(low, high),
@@ -652,8 +644,7 @@ impl<const N: usize> Wide<N> {
         let mut roots: Vec<_> = (1..tops as u32).collect();
         // Build as many parts at a time as there are threads
         let groups = halve(&vertices, &mut corners, parts).into_par_iter();
-        let mut groups: Vec<_> =
-            groups.map(|group| group.to_vec()).collect();
+        let mut groups: Vec<_> = groups.map(|own| own.to_vec()).collect();
         drop(corners);
         let mut count = 0;
         for some in groups.chunks_mut(rayon::current_num_threads()) {
@@ -721,7 +712,7 @@ fn halve<'a>(
     while groups.len() < parts {
         let halves = groups.into_par_iter().flat_map_iter(|corners| {
             // Part the triangles at their median
-            let (low, high) = corners_of(corners.iter().map(place));
+            let (low, high) = bounds(corners.iter().map(place));
             let axis = (high - low).max_position();
             let half = corners.len() / 2;
             corners.select_nth_unstable_by(half, |i, j| {

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Blocks, Difference};
 use crate::image::levels::radiance;
-use crate::image::{Image, OPACITY};
+use crate::image::{FILTERED, Image, OPACITY};
+use crate::sky::Sky;
 
 /// How radiances brighter than white are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -50,6 +51,20 @@ pub fn cut_out(image: Image, background: f64) -> Image {
     Image { means, ..image }
 }
 
+/// What is to be seen of an image of a file.
+pub fn picture(image: Image) -> Image {
+    let means = image.channel(FILTERED[0]).unwrap_or(&image.means).clone();
+    let sky = image.attributes.get("sky");
+    let sky: Option<Sky> =
+        sky.and_then(|text| serde_json::from_str(text).ok());
+    let mut more = image.more;
+    more.retain(|(name, _)| *name == OPACITY);
+    match sky.and_then(|sky| sky.behind) {
+        Some(grey) => cut_out(Image { means, more, ..image }, grey),
+        None => Image { means, more: vec![], ..image },
+    }
+}
+
 /// By how much a picture is brighter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -84,10 +99,8 @@ impl Exposure {
         let mut all: Vec<f64> = known.collect();
         all.sort_unstable_by(f64::total_cmp);
         let high = all.get(99 * all.len() / 100).copied().unwrap_or(0.);
-        match high > 0. {
-            true => (10. * libm::log2(0.8 / high)).round() / 10.,
-            false => 0.,
-        }
+        let stops = (10. * libm::log2(0.8 / high)).round() / 10.;
+        if high > 0. { stops } else { 0. }
     }
 }
 

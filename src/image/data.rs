@@ -29,7 +29,7 @@ pub struct Image {
     /// ([`Film::tile_errors`]), infinite where unknown; none if the pixels
     /// are independent.
     pub tile_errors: Option<Vec<f64>>,
-    /// Other channels, by name; not read from files.
+    /// Other channels, by name; of a file those of a picture.
     pub more: Vec<(&'static str, Vec<f64>)>,
     /// What is known about the run: names and values, such as `seed`
     /// and `7`.
@@ -69,6 +69,9 @@ pub const BANDS: [&str; 3] = ["R", "G", "B"];
 
 /// The channel of the part of each pixel that is covered by surfaces.
 pub const OPACITY: &str = "A";
+
+/// The channels of a filtered picture and its error.
+pub const FILTERED: [&str; 2] = ["filtered.Y", "filtered_stderr.Y"];
 
 /// Gives an image by parts: by windows that lie within its own.
 pub trait Source: Sync {

@@ -27,7 +27,7 @@ use flate2::Crc;
 use memchr::memmem;
 use rayon::prelude::*;
 
-use super::data::{BANDS, Image, Note, Source, room};
+use super::data::{BANDS, FILTERED, Image, Note, OPACITY, Source, room};
 use super::levels::{COLOURS, luminance};
 use crate::film::Window;
 
@@ -249,6 +249,8 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
         let names = Vec::from_iter(names).join(", ");
         format!("it has neither a channel Y nor R, G and B, but {names}")
     })?;
+    let more = [OPACITY, FILTERED[0], FILTERED[1]].into_iter();
+    let more = more.filter_map(|name| Some((name, values(name)?)));
     Ok(Image {
         width: display.size.0 as u32,
         height: display.size.1 as u32,
@@ -256,7 +258,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
         errors: values(ERROR),
         samples: values(SAMPLES),
         tile_errors: values(SHARED),
-        more: vec![],
+        more: more.collect(),
         attributes: attributes(&layer.attributes, bytes, note),
     })
 }

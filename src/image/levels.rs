@@ -5,7 +5,6 @@
 
 use std::borrow::Cow;
 use std::io::{self, Write};
-use std::iter;
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -54,18 +53,18 @@ pub const LEVELS: &str = "it holds grey levels, or colours, of which the \
      luminance is taken; they are read by";
 
 impl Image {
-    /// The numbers that are shown of each pixel, as radiances: one; two
-    /// with an opacity; or those of three bands.
+    /// The numbers that are shown of each pixel, as radiances: one, or those
+    /// of three bands; and an opacity, if it has one.
     pub fn shown(&self) -> Vec<Cow<'_, [f64]>> {
-        let bands: Vec<_> =
-            BANDS.iter().filter_map(|name| self.channel(name)).collect();
-        if !bands.is_empty() {
-            return bands.into_iter().map(Cow::from).collect();
+        let bands = BANDS.iter().filter_map(|name| self.channel(name));
+        let mut all: Vec<Cow<'_, [f64]>> = bands.map(Cow::from).collect();
+        if all.is_empty() {
+            all.push((&self.means).into());
         }
-        let opacity = self.channel(OPACITY);
+        let opacity = self.channel(OPACITY).into_iter();
         let opacity = opacity.map(|all| all.iter().map(|&a| radiance(a)));
-        let opacity = opacity.map(|all| Cow::Owned(all.collect()));
-        iter::once((&self.means).into()).chain(opacity).collect()
+        all.extend(opacity.map(|all| Cow::Owned(all.collect())));
+        all
     }
 }
 

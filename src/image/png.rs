@@ -21,7 +21,8 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     encoder.set_color(match numbers {
         1 => ColorType::Grayscale,
         2 => ColorType::GrayscaleAlpha,
-        _ => ColorType::Rgb,
+        3 => ColorType::Rgb,
+        _ => ColorType::Rgba,
     });
     encoder.set_depth(BitDepth::Sixteen);
     encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);

@@ -91,7 +91,6 @@ pub enum End {
 }
 
 /// A ray from a surface.
-#[derive(Clone, Copy, Debug)]
 pub struct Shot {
     /// One over the density of its direction on the square.
     pub weight: f64,
@@ -253,13 +252,8 @@ impl<K: Intersector> Tracer<'_, K> {
                 u64::from(y) * u64::from(view.resolution.0) + u64::from(x);
             let key = scramble_key(seed, i, scramble);
             for n in 0..counts[number] {
-                let place = ((x, y), net.pair(key, n, 0));
-                looks.push((
-                    place,
-                    pixel,
-                    scale[number],
-                    net.pair(key, n, 1),
-                ));
+                let [place, u] = [0, 1].map(|k| net.pair(key, n, k));
+                looks.push((((x, y), place), pixel, scale[number], u));
             }
         }
         let is_sky = known.content(tile.corner) == TileContent::Sky;
@@ -267,12 +261,9 @@ impl<K: Intersector> Tracer<'_, K> {
         // Send the first rays in beams
         for batch in looks.chunks(BEAM) {
             let places = array::from_fn(|i| Some(batch.get(i)?.0));
-            let Starts { directions, hits, rays } = view.sensor.starts(
-                self.intersector,
-                &places,
-                view.resolution,
-                is_sky,
-            );
+            let (intersector, size) = (self.intersector, view.resolution);
+            let Starts { directions, hits, rays } =
+                view.sensor.starts(intersector, &places, size, is_sky);
             self.rays += rays;
             let ends = directions.into_iter().zip(hits);
             for (&look, (direction, hit)) in batch.iter().zip(ends) {

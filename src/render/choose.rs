@@ -4,10 +4,9 @@
 //! Chooses how samples are made: the method, and how many are placed
 //! together. How many are made in all, limits decide in `render_loop`.
 
-use std::array;
-use std::fmt;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
+use std::{array, fmt};
 
 use bytemuck::{Pod, Zeroable, cast};
 use rand::RngExt;
@@ -99,8 +98,8 @@ impl Sampling {
     ) -> Self {
         let area = u64::from(width) * u64::from(height);
         let is_list = width == 1;
-        let (least, most) =
-            if is_list { (16, 1 << 12) } else { (4, 1 << 8) };
+        let (least, most, gathered) =
+            if is_list { (16, 1 << 12, 16) } else { (4, 1 << 8, 4) };
         let together = |replicates: u64, most: u64| match samples {
             Some(n) => 1 << (n / replicates).clamp(1, most).ilog2(),
             None => 4,
@@ -113,9 +112,7 @@ impl Sampling {
         let (replicate, training) = match method {
             Method::Reference => (1, 0),
             Method::Sobol => (together(least, most), 0),
-            Method::Gather => {
-                (together(16, if is_list { 16 } else { 4 }), trained)
-            }
+            Method::Gather => (together(16, gathered), trained),
         };
         let (control, measure) = (0, Measure::default());
         Self { method, seed, replicate, training, control, measure }
@@ -151,7 +148,6 @@ const BEST_TRAINING: f64 = power_of_two(21);
 const GATHER_VERSION: u32 = 5;
 
 /// A scene that is ready to be rendered.
-#[derive(Clone, Copy)]
 pub struct Setup<'a> {
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
@@ -227,41 +223,36 @@ impl<'a> Setup<'a> {
         let pilot = self.intersector.dispatch(trial);
         let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
         // Foresee the costs of all methods
-        let albedo = self.view.surfaces.typical();
-        let size = request.window.size;
+        let &Request { window: Window { size, .. }, seed, error, .. } =
+            request;
+        let albedo = self.view.surfaces.typical;
+        let forecast = Forecast { pilot, albedo, size };
+        let percent = (100. * pilot.control()).round() as u64;
         let methods = Method::ALL.map(|method| {
-            let enough = request.error.map(|(error, measure)| {
-                let error = pilot.rmse_of(error, measure);
-                pilot.needed(albedo, method, size, error)
-            });
+            let enough = error.map(|error| forecast.needed(method, error));
             let samples = samples.into_iter().chain(enough).min();
-            let mut sampling =
-                Sampling::new(method, request.seed, samples, size);
-            if let (Method::Gather, Some((_, measure))) =
-                (method, request.error)
-            {
-                sampling.measure = measure;
-            }
-            if method == Method::Sobol {
-                sampling.control = (100. * pilot.control()).round() as u64;
+            let mut sampling = Sampling::new(method, seed, samples, size);
+            match (method, error) {
+                (Method::Gather, Some((_, measure))) => {
+                    sampling.measure = measure
+                }
+                (Method::Sobol, _) => sampling.control = percent,
+                _ => (),
             }
             let expected = samples.unwrap_or(MANY) as f64;
-            let [variance, rays] =
-                pilot.foresee(albedo, &sampling, expected, size);
+            let [variance, rays] = forecast.foresee(&sampling, expected);
             (sampling, variance * rays)
         });
         // Choose among the methods that there is time for
         let is_quick = |sampling: &Sampling| {
-            let paths = pilot.first_paths(albedo, sampling, area);
+            let paths = forecast.first_paths(sampling);
             sampling.method == Method::Reference
                 || request.left.is_none_or(|left| 2. * paths * pace <= left)
         };
         let is_black = self.view.surfaces.most == 0.;
-
+        let learns = !is_black || request.method == Some(Method::Gather);
         let is_fit = |s: &Sampling| {
-            let named = request.method == Some(s.method);
-            is_quick(s)
-                && (s.method != Method::Gather || !is_black || named)
+            is_quick(s) && (learns || s.method != Method::Gather)
         };
         let quick = methods.iter().filter(|(s, _)| is_fit(s));
         let best = |wanted: Wanted| {
@@ -465,10 +456,9 @@ struct Path {
 impl Pilot {
     /// How much of the sky a control variate best subtracts, in [0, 1].
     pub fn control(&self) -> f64 {
-        match self.sky_variance > 0. {
-            true => (-self.covariance / self.sky_variance).clamp(0., 1.),
-            false => 0.,
-        }
+        let Self { covariance, sky_variance, .. } = self;
+        let best = (-covariance / sky_variance).clamp(0., 1.);
+        if *sky_variance > 0. { best } else { 0. }
     }
 
     /// What it leaves of the variance of the first direction.
@@ -478,92 +468,83 @@ impl Pilot {
             + control * control * self.sky_variance;
         (self.first + change).max(0.)
     }
+}
+
+/// What a pilot foresees of the images of a window.
+struct Forecast {
+    pilot: Pilot,
+    /// A typical albedo of the surfaces.
+    albedo: f64,
+    /// Width and height of the window.
+    size: (u32, u32),
+}
+
+impl Forecast {
+    /// The number of pixels.
+    fn area(&self) -> f64 {
+        f64::from(self.size.0) * f64::from(self.size.1)
+    }
 
     /// The variance of a sample and its rays, these in units of the rays of
-    /// paths, for `samples` of each of `area` pixels. The constants are fits
-    /// to measured images.
-    fn foresee(
-        &self,
-        albedo: f64,
-        sampling: &Sampling,
-        samples: f64,
-        (width, height): (u32, u32),
-    ) -> [f64; 2] {
-        let &Self { square, first, later, rays, .. } = self;
+    /// paths, for `samples` of each pixel. The constants are fits to measured
+    /// images.
+    fn foresee(&self, sampling: &Sampling, samples: f64) -> [f64; 2] {
+        let Pilot { square, first, later, rays, .. } = self.pilot;
         match sampling.method {
             Method::Reference => [first + later, rays],
             Method::Sobol => {
                 let net = libm::pow(sampling.replicate as f64, -0.4);
-                [self.controlled() * net + later, 1.05 * rays]
+                [self.pilot.controlled() * net + later, 1.05 * rays]
             }
             Method::Gather => {
                 // Foresee the variance and the rays of a gather
-                let bright = albedo * albedo;
-                let (first_rays, sharp) = match width {
+                let Pilot { first_rays, indirect, .. } = self.pilot;
+                let bright = self.albedo * self.albedo;
+                let (seen, sharp) = match self.size.0 {
                     1 => (1., RECEIVED),
-                    _ => (self.first_rays, 1.),
+                    _ => (first_rays, 1.),
                 };
-                let each = first_rays + 3. * bright * self.indirect;
-                let once = 8. * first_rays / samples;
+                let each = seen + 3. * bright * indirect;
+                let once = 8. * seen / samples;
                 let guided = 1.6 * first * square
                     / (square + 0.7 * first).max(f64::MIN_POSITIVE);
-                let short = self.first_rays / rays.max(1e-9);
+                let short = first_rays / rays.max(1e-9);
                 let left = 16. * bright * short * short * later;
                 let learnt = libm::pow(samples.min(4096.), -0.28);
-                let area = f64::from(width) * f64::from(height);
-                let few = (FITTED_AREA / area).sqrt().max(1.);
-                [
-                    (guided + left) * learnt * few * sharp,
-                    1.7 * (each + once),
-                ]
+                let few = (FITTED_AREA / self.area()).sqrt().max(1.);
+                let variance = (guided + left) * learnt * few * sharp;
+                [variance, 1.7 * (each + once)]
             }
         }
     }
 
-    /// About the root mean square error of an image in which another error is
-    /// so large. The error of the worst pixel is taken for three times that of
-    /// all.
-    fn rmse_of(&self, error: f64, measure: Measure) -> f64 {
-        let whole = if measure.relative { self.square.sqrt() } else { 1. };
-        let part = if measure.largest { 1. / 3. } else { 1. };
-        error * whole * part
-    }
-
     /// The samples of each pixel of a window after which the image has an error,
-    /// up to a fifth too many.
-    fn needed(
-        &self,
-        albedo: f64,
-        method: Method,
-        size: (u32, u32),
-        error: f64,
-    ) -> u64 {
+    /// up to a fifth too many. The error of the worst pixel is taken for three
+    /// times that of all.
+    fn needed(&self, method: Method, (error, of): (f64, Measure)) -> u64 {
+        let whole = if of.relative { self.pilot.square.sqrt() } else { 1. };
+        let part = if of.largest { 1. / 3. } else { 1. };
+        let rmse = error * whole * part;
         let is_enough = |&n: &u64| {
-            let sampling = Sampling::new(method, 0, Some(n), size);
-            let [variance, _] =
-                self.foresee(albedo, &sampling, n as f64, size);
-            variance <= n as f64 * error * error
+            let sampling = Sampling::new(method, 0, Some(n), self.size);
+            let [variance, _] = self.foresee(&sampling, n as f64);
+            variance <= n as f64 * rmse * rmse
         };
         let quarters = (0..80).map(|k| 0.25 * f64::from(k));
         let mut steps = quarters.map(|k| libm::exp2(k).ceil() as u64);
         steps.find(is_enough).unwrap_or(MANY)
     }
 
-    /// The work before each of `area` pixels has a sample, in paths.
-    fn first_paths(
-        &self,
-        albedo: f64,
-        sampling: &Sampling,
-        area: u64,
-    ) -> f64 {
-        let &Sampling { replicate, training, .. } = sampling;
-        let (area, replicate) = (area as f64, replicate as f64);
-        let each = self.first_rays + 3. * albedo * albedo * self.indirect;
+    /// The work before each pixel has a sample, in paths.
+    fn first_paths(&self, sampling: &Sampling) -> f64 {
+        let &Self { pilot, albedo, .. } = self;
+        let (area, replicate) = (self.area(), sampling.replicate as f64);
+        let each = pilot.first_rays + 3. * albedo * albedo * pilot.indirect;
         match sampling.method {
             Method::Gather => {
-                let pilot = PILOT_SAMPLES as f64 * self.first_rays;
-                let rays = area * (pilot + replicate * each);
-                (training as f64 + rays) / self.rays.max(1e-9)
+                let learnt = PILOT_SAMPLES as f64 * pilot.first_rays;
+                let rays = area * (learnt + replicate * each);
+                (sampling.training as f64 + rays) / pilot.rays.max(1e-9)
             }
             _ => area * replicate,
         }
@@ -578,7 +559,6 @@ const RECEIVED: f64 = 1. / 6.;
 const FITTED_AREA: f64 = 320. * 240.;
 
 /// What a pilot has found, and what follows.
-#[derive(Clone, Debug)]
 pub struct Choice {
     /// What a few paths tell.
     pub pilot: Pilot,
@@ -608,7 +588,6 @@ impl fmt::Display for Choice {
 }
 
 /// What is asked of a run.
-#[derive(Clone, Copy, Debug)]
 pub struct Request {
     /// The method that is wanted; none if a pilot is to choose.
     pub method: Option<Method>,
@@ -653,10 +632,8 @@ pub fn expected_rays(
     paths: Option<f64>,
     time: Option<f64>,
 ) -> f64 {
-    let each = match is_outside {
-        true => 1. + albedo,
-        false => (1. / (1. - albedo)).min(10.),
-    };
+    let inside = (1. / (1. - albedo)).min(10.);
+    let each = if is_outside { 1. + albedo } else { inside };
     let time = time.or(paths.is_none().then_some(60.));
     let rate = RATE * rayon::current_num_threads() as f64;
     let timed = time.map_or(f64::INFINITY, |time| time * rate);

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::plot::plot;
 use super::result::{Report, as_typed, known, with_error};
-use crate::compare::display::{self, Curve, shrink};
+use crate::compare::display::{Curve, errors, shrink, tonemap};
 use crate::image::{Format, Image};
 use crate::render_loop::CurvePoint;
 
@@ -106,9 +106,8 @@ fn pictures(report: &Report, image: &Image) -> Markup {
     let range = range.join(" to ");
     let image = shrink(image, LARGEST);
     let white = libm::exp2(-report.page_exposure);
-    let shown =
-        display::tonemap(&image, report.page_exposure, Curve::Clamp);
-    let map = display::errors(&image, false).ok();
+    let shown = tonemap(&image, report.page_exposure, Curve::Clamp);
+    let map = errors(&image, false).ok();
     let exact = image.errors.iter().flatten().all(|&error| error == 0.);
     html! {
         @if let Some(plot) = plot(&report.convergence.curve) {

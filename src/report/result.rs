@@ -3,9 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What is known of a run, and what follows from it.
 
-use std::env;
-use std::fs;
 use std::time::SystemTime;
+use std::{env, fs};
 
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
@@ -15,7 +14,7 @@ use crate::analysis::Finding;
 use crate::film::{Film, Measure};
 use crate::filter::PictureError;
 use crate::progress::metric;
-use crate::render_loop::{Convergence, CurvePoint, Stop};
+use crate::render_loop::{Convergence, CurvePoint, Limits, Stop};
 
 /// The file of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -81,7 +80,8 @@ impl Report {
     /// The report of the run as it stands, with its film.
     pub fn complete(&self, film: &Film) -> Self {
         let mut now = self.clone();
-        now.convergence.record(film, None, self.measure);
+        let limits = Limits { measure: self.measure, ..Limits::default() };
+        now.convergence.record(film, &limits);
         now.unsampled_pixels = film.unsampled();
         let negative = film.means().filter(|&mean| mean < 0.);
         now.negative_pixels = negative.count() as u64;
@@ -240,16 +240,12 @@ impl Report {
             let small = rmse.is_some_and(|rmse| rmse <= target);
             let met = small || stopped == Some(Stop::Error);
             let Measure { relative, largest } = self.measure;
-            let which = match (relative, largest) {
-                (false, false) => "",
-                (true, false) => "relative ",
-                (false, true) => "largest ",
-                (true, true) => "largest relative ",
-            };
+            let largest = if largest { "largest " } else { "" };
+            let relative = if relative { "relative " } else { "" };
+            let (error, not) =
+                (known(rmse, 6), if met { "" } else { "not " });
             text += &format!(
-                "; {which}error {}, target {target} {}",
-                known(rmse, 6),
-                if met { "reached" } else { "not reached" }
+                "; {largest}{relative}error {error}, target {target} {not}reached"
             );
         }
         text

@@ -86,12 +86,9 @@ pub fn read_pieces(
     // Put the meshes one behind the other
     let count = parts.iter().map(|part| part.triangles.len()).sum();
     countable(total.max(count))?;
-    let mut mesh = Mesh {
-        vertices: Vec::with_capacity(total),
-        triangles: Vec::with_capacity(count),
-        joined: vec![],
-        marks: vec![],
-    };
+    let mut mesh = Mesh::default();
+    mesh.vertices.reserve_exact(total);
+    mesh.triangles.reserve_exact(count);
     for mut part in parts {
         let first = mesh.triangles.len() as u32;
         let faces = first - mesh.joined.len() as u32;

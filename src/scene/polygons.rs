@@ -6,10 +6,8 @@
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
-use spade::{
-    ConstrainedDelaunayTriangulation as Cdt, MIN_ALLOWED_VALUE, Point2,
-    Triangulation,
-};
+use spade::ConstrainedDelaunayTriangulation as Cdt;
+use spade::{MIN_ALLOWED_VALUE, Point2, Triangulation};
 
 use super::mesh::Mesh;
 use crate::numerics::{cross, exponent, shift};

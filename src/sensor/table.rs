@@ -8,9 +8,11 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use crate::camera::typed;
 use crate::film::{Film, WORTH};
 use crate::materials::FaceAlbedos;
-use crate::sensor::{Receivers, Side};
+use crate::scene::Scene;
+use crate::sensor::{Receivers, Refusal, Side};
 
 /// Formats of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,31 +44,91 @@ impl TableFormat {
     }
 }
 
-/// What bears the values, in the coordinates of the file.
+/// What bears the values.
 pub enum Shape {
-    /// Points with normals.
-    Points(Vec<[DVec3; 2]>),
-    /// The vertices of these triangles.
-    Vertices(Vec<DVec3>, Vec<[u32; 3]>),
-    /// The faces with these vertices and triangles, of which it has the faces;
-    /// and their sides.
-    Faces(Vec<DVec3>, Vec<[u32; 3]>, Vec<u32>, Side),
+    /// Points, with these normals.
+    Points(Vec<DVec3>),
+    /// The vertices of triangles.
+    Vertices,
+    /// The faces of triangles, given that of each; and their sides.
+    Faces(Vec<u32>, Side),
+}
+
+impl Shape {
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Points(_) => "points",
+            Self::Vertices => "vertices",
+            Self::Faces(..) => "faces",
+        }
+    }
 }
 
 /// What a table shows beside the values.
 pub struct Table {
     /// What bears the values.
     pub shape: Shape,
-    /// The number of receivers with and without a value.
-    pub count: usize,
+    /// The points, or the vertices, in the coordinates of the file.
+    pub vertices: Vec<DVec3>,
+    /// The triangles, if there are not points.
+    pub triangles: Vec<[u32; 3]>,
     /// The albedo of each face, if it is radiosity that is asked for.
     pub albedos: Option<FaceAlbedos>,
 }
 
-/// Value, standard error and number of samples.
-type Values = [f64; 3];
+/// A value, its standard error and number of samples.
+type Value = [f64; 3];
 
 impl Table {
+    /// The receivers, in its order.
+    pub fn receivers(&self, scene: &Scene) -> Receivers {
+        let Self { vertices, triangles, .. } = self;
+        match &self.shape {
+            Shape::Points(normals) => {
+                Receivers::points(vertices, normals, &scene.frame)
+            }
+            Shape::Vertices => Receivers::vertices(&scene.triangles),
+            Shape::Faces(faces, side) => {
+                let vertices = &scene.triangles.vertices;
+                Receivers::faces(vertices, triangles, faces, *side)
+            }
+        }
+    }
+
+    /// The face of a receiver, from 0, and whether it is the back.
+    fn face(&self, number: u32) -> (u32, bool) {
+        match self.shape {
+            Shape::Faces(_, Side::Both) => (number / 2, number % 2 == 1),
+            Shape::Faces(_, side) => (number, side == Side::Back),
+            _ => (number, false),
+        }
+    }
+
+    /// Which of the receivers have no value, and why, if there are any.
+    pub fn refusals(&self, receivers: &Receivers) -> Option<String> {
+        let Receivers { numbers, refused, .. } = receivers;
+        let kinds = [
+            (Refusal::Normal, "have no normal"),
+            (Refusal::Close, "are in an edge, or too close to a surface"),
+            (Refusal::Far, "are too far away"),
+            (Refusal::Area, "have no area"),
+        ];
+        let told = kinds.into_iter().filter_map(|(kind, words)| {
+            let mut of_kind =
+                refused.iter().filter(|&&(_, why)| why == kind);
+            let (first, is_back) = self.face(of_kind.next()?.0);
+            let (first, count) = (first + 1, 1 + of_kind.count());
+            let back = if is_back { "the back of " } else { "" };
+            Some(format!("{count} {words}, the first {back}{first}"))
+        });
+        let told = told.collect::<Vec<_>>().join("; ");
+        let (none, name) = (refused.len(), self.shape.name());
+        let all = numbers.len() + none;
+        let line = format!("{none} of {all} {name} have no value: {told}");
+        (none > 0).then_some(line)
+    }
+
     /// Writes the values of receivers that are on a film.
     ///
     /// # Errors
@@ -87,11 +149,13 @@ impl Table {
     }
 
     /// The values of all receivers, in the order of the file.
-    fn values(&self, receivers: &Receivers, film: &Film) -> Vec<Values> {
-        let mut values = vec![[f64::NAN, f64::NAN, 0.]; self.count];
+    fn values(&self, receivers: &Receivers, film: &Film) -> Vec<Value> {
+        let Receivers { numbers, refused, .. } = receivers;
+        let none = [f64::NAN, f64::NAN, 0.];
+        let mut values = vec![none; numbers.len() + refused.len()];
         let window = film.window;
         let errors = film.errors(WORTH, window);
-        let numbers = &receivers.numbers[window.corner.1 as usize..];
+        let numbers = &numbers[window.corner.1 as usize..];
         let found = film.means_of(window).into_iter().zip(errors);
         let found = found.zip(film.counts_of(window));
         for (&number, ((mean, error), count)) in numbers.iter().zip(found) {
@@ -102,169 +166,111 @@ impl Table {
         values
     }
 
-    /// The face of a receiver, from 0, and whether it is the back.
-    pub fn face(&self, number: u32) -> (u32, bool) {
-        match &self.shape {
-            Shape::Faces(.., Side::Both) => (number / 2, number % 2 == 1),
-            Shape::Faces(.., side) => (number, *side == Side::Back),
-            _ => (number, false),
-        }
-    }
-
-    fn csv(
-        &self,
-        values: &[Values],
-        out: &mut dyn Write,
-    ) -> io::Result<()> {
+    fn csv(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
         let quantity = match self.albedos {
             Some(_) => "radiosity",
             None => "irradiance",
         };
         let place = match self.shape {
             Shape::Points(_) => "x,y,z,nx,ny,nz",
-            Shape::Vertices(..) => "vertex,x,y,z",
+            Shape::Vertices => "vertex,x,y,z",
             Shape::Faces(..) => "face,side",
         };
         let unit = "[horizontal irradiance in the open = 1]";
         writeln!(out, "{place},{quantity} {unit},stderr,samples")?;
         // Write a line of CSV for each receiver
-        for (number, &[value, error, samples]) in (0..).zip(values) {
-            match &self.shape {
-                Shape::Points(points) => {
-                    let [p, n] = points[number as usize];
-                    write!(
-                        out,
-                        "{},{},{},{},{},{}",
-                        p.x, p.y, p.z, n.x, n.y, n.z
-                    )?;
+        for (i, &[value, error, samples]) in values.iter().enumerate() {
+            let vertex = || typed(self.vertices[i]);
+            let place = match &self.shape {
+                Shape::Points(normals) => {
+                    vertex() + "," + &typed(normals[i])
                 }
-                Shape::Vertices(vertices, _) => {
-                    let p = vertices[number as usize];
-                    write!(out, "{},{},{},{}", number + 1, p.x, p.y, p.z)?;
-                }
+                Shape::Vertices => format!("{},{}", i + 1, vertex()),
                 Shape::Faces(..) => {
-                    let (face, is_back) = self.face(number);
+                    let (face, is_back) = self.face(i as u32);
                     let side = if is_back { "back" } else { "front" };
-                    write!(out, "{},{side}", face + 1)?;
+                    format!("{},{side}", face + 1)
                 }
-            }
+            };
             let [value, error] = [value, error].map(|x| x as f32);
-            writeln!(out, ",{value:?},{error:?},{samples}")?;
+            writeln!(out, "{place},{value:?},{error:?},{samples}")?;
         }
         Ok(())
     }
 
-    fn ply(
-        &self,
-        values: &[Values],
-        out: &mut dyn Write,
-    ) -> io::Result<()> {
-        let count = |all: &[[u32; 3]], times: usize| times * all.len();
-        let sides = if matches!(self.shape, Shape::Faces(.., Side::Both)) {
-            2
-        } else {
-            1
-        };
-        let (points, triangles) = match &self.shape {
-            Shape::Points(points) => (points.len(), 0),
-            Shape::Vertices(all, triangles) => {
-                (all.len(), count(triangles, 1))
-            }
-            Shape::Faces(all, triangles, ..) => {
-                (all.len(), count(triangles, sides))
-            }
+    fn ply(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
+        let Self { shape, vertices, triangles, .. } = self;
+        let sides = match shape {
+            Shape::Faces(_, Side::Both) => 2,
+            _ => 1,
         };
         // Write the head of a PLY
         let numbers = "property float value\nproperty float stderr\n";
-        let place =
-            "property double x\nproperty double y\nproperty double z\n";
         let normal =
             "property float nx\nproperty float ny\nproperty float nz\n";
-        let of_faces = matches!(self.shape, Shape::Faces(..));
+        let [of_vertices, of_faces] = match shape {
+            Shape::Points(_) => [&[normal, numbers].concat(), ""],
+            Shape::Vertices => [numbers, ""],
+            Shape::Faces(..) => ["", numbers],
+        };
         write!(
             out,
-            "ply\nformat binary_little_endian 1.0\ncomment relative to "
+            "ply\nformat binary_little_endian 1.0\n\
+             comment relative to the horizontal irradiance in the open\n\
+             element vertex {}\n\
+             property double x\nproperty double y\nproperty double z\n\
+             {of_vertices}",
+            vertices.len()
         )?;
-        writeln!(out, "the horizontal irradiance in the open")?;
-        write!(out, "element vertex {points}\n{place}")?;
-        if let Shape::Points(_) = self.shape {
-            out.write_all(normal.as_bytes())?;
-        }
-        out.write_all(if of_faces { b"" } else { numbers.as_bytes() })?;
-        if triangles > 0 {
-            writeln!(out, "element face {triangles}")?;
+        if !triangles.is_empty() {
+            writeln!(out, "element face {}", sides * triangles.len())?;
             writeln!(out, "property list uchar int vertex_indices")?;
-            out.write_all(if of_faces { numbers.as_bytes() } else { b"" })?;
+            write!(out, "{of_faces}")?;
         }
         writeln!(out, "end_header")?;
+        let floats = |all: &[f64]| -> Vec<u8> {
+            all.iter().flat_map(|&x| (x as f32).to_le_bytes()).collect()
+        };
+        let pair = |number: usize| floats(&values[number][..2]);
         // Write the elements of a PLY
-        let pair = |number: usize| {
-            let [value, error, _] = values[number];
-            let [value, error] =
-                [value, error].map(|x| (x as f32).to_le_bytes());
-            [value, error].concat()
-        };
-        let place = |p: DVec3| p.to_array().map(f64::to_le_bytes).concat();
-        let corners = |[a, b, c]: [u32; 3]| {
-            [&[3][..], &[a, b, c].map(u32::to_le_bytes).concat()].concat()
-        };
-        match &self.shape {
-            Shape::Points(points) => {
-                for (number, &[p, n]) in points.iter().enumerate() {
-                    let n = n
-                        .as_vec3()
-                        .to_array()
-                        .map(f32::to_le_bytes)
-                        .concat();
-                    out.write_all(&[place(p), n, pair(number)].concat())?;
-                }
+        for (number, place) in vertices.iter().enumerate() {
+            out.write_all(
+                &place.to_array().map(f64::to_le_bytes).concat(),
+            )?;
+            if let Shape::Points(normals) = shape {
+                out.write_all(&floats(&normals[number].to_array()))?;
             }
-            Shape::Vertices(vertices, triangles) => {
-                for (number, &p) in vertices.iter().enumerate() {
-                    out.write_all(&[place(p), pair(number)].concat())?;
-                }
-                for &triangle in triangles {
-                    out.write_all(&corners(triangle))?;
-                }
+            if !matches!(shape, Shape::Faces(..)) {
+                out.write_all(&pair(number))?;
             }
-            Shape::Faces(vertices, triangles, faces, side) => {
-                for &p in vertices {
-                    out.write_all(&place(p))?;
-                }
-                // Write the triangles of a side
-                for number in 0..sides {
-                    let is_back = *side == Side::Back || number == 1;
-                    for (&[a, b, c], &face) in triangles.iter().zip(faces) {
-                        let turned =
-                            if is_back { [a, c, b] } else { [a, b, c] };
-                        let pair = pair(sides * face as usize + number);
-                        out.write_all(&[corners(turned), pair].concat())?;
-                    }
+        }
+        for side in 0..sides {
+            // Write the triangles of a side
+            let (_, is_back) = self.face(side as u32);
+            for (i, &[a, b, c]) in triangles.iter().enumerate() {
+                let corners = if is_back { [a, c, b] } else { [a, b, c] };
+                out.write_all(&[3])?;
+                out.write_all(&corners.map(u32::to_le_bytes).concat())?;
+                if let Shape::Faces(faces, _) = shape {
+                    out.write_all(&pair(sides * faces[i] as usize + side))?;
                 }
             }
         }
         Ok(())
     }
 
-    fn obj(
-        &self,
-        values: &[Values],
-        out: &mut dyn Write,
-    ) -> io::Result<()> {
-        let Shape::Vertices(vertices, triangles) = &self.shape else {
-            return Err(io::Error::other(
-                "an OBJ shows values of --vertices",
-            ));
-        };
-        for (p, [value, ..]) in vertices.iter().zip(values) {
-            let grey = if value.is_nan() { 0. } else { *value as f32 };
-            writeln!(
-                out,
-                "v {} {} {} {grey} {grey} {grey}",
-                p.x, p.y, p.z
-            )?;
+    fn obj(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
+        if !matches!(self.shape, Shape::Vertices) {
+            let fault =
+                "an OBJ shows values of --vertices; name it .csv or .ply";
+            return Err(io::Error::other(fault));
         }
-        for corners in triangles {
+        for (&p, [value, ..]) in self.vertices.iter().zip(values) {
+            let grey = value.max(0.) as f32;
+            let [x, y, z] = p.to_array();
+            writeln!(out, "v {x} {y} {z} {grey} {grey} {grey}")?;
+        }
+        for corners in &self.triangles {
             let [a, b, c] = corners.map(|corner| corner + 1);
             writeln!(out, "f {a} {b} {c}")?;
         }

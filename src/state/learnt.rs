@@ -12,7 +12,7 @@ use bytemuck::{Pod, cast_slice, cast_slice_mut};
 use crate::integrator::gather::cache::{Grid, RadianceCache};
 use crate::integrator::gather::{Allocation, Learnt};
 use crate::memory::zeroed;
-use crate::state::key::{RunKey, whole_window};
+use crate::state::key::RunKey;
 
 /// Writes what was learnt, if anything was.
 pub fn write(
@@ -50,8 +50,7 @@ pub fn read(
         return Ok(Arc::default());
     };
     let (grid, cells, guides, is_big): (Grid, usize, usize, bool) = head;
-    let subject = &run_key.subject;
-    let window = whole_window(subject.resolution, subject.crop);
+    let window = run_key.subject.window();
     // Read the arrays
     let (cells, guides) = (get(from, cells)?, get(from, guides)?);
     let counts = get::<u32>(from, window.area())?;

@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::film::{Film, Measure, Window};
+use crate::film::{Film, Window};
 use crate::image::extension;
-use crate::render_loop::{Convergence, Stop};
+use crate::render_loop::{Convergence, Limits, Stop};
 use crate::report::Report;
 use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::Part;
@@ -68,6 +68,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     let mut held: Vec<(&Path, [Held; 2])> = vec![];
     let mut total = Convergence::default();
     for path in files {
+        let (first, name) = (files[0].display(), path.display());
         let mut state = Checkpoint::of_file(path)?;
         let mut film = state.known.run_key.film();
         let part = state.known.run_key.part;
@@ -80,14 +81,12 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         // Refuse a state of another run
         let differs = merged.known.run_key.disagreement(&run_key);
         if let Some((what, [a, b])) = differs {
-            let (first, name) = (files[0].display(), path.display());
             return Err(format!(
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
             ));
         }
         let both = (merged.known.learnt.get(), learnt.get());
         if matches!(both, (Some(ours), Some(own)) if ours != own) {
-            let (first, name) = (files[0].display(), path.display());
             return Err(format!(
                 "{first} and {name} have not learnt the same"
             ));
@@ -102,14 +101,13 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         let whole = Held { rows, samples };
         for (other, [theirs, _]) in &held {
             if let Some(both) = theirs.common(&whole) {
-                let (other, name) = (other.display(), path.display());
+                let other = other.display();
                 return Err(format!("{other} and {name} both hold {both}"));
             }
         }
         // Take the sums and the costs of a state
-        state
-            .fill(&mut film)
-            .map_err(|fault| format!("{}: {fault}", path.display()))?;
+        let filled = state.fill(&mut film);
+        filled.map_err(|fault| format!("{name}: {fault}"))?;
         merged.film.merge(&film);
         total.rays += report.convergence.rays;
         total.seconds += report.convergence.seconds;
@@ -124,7 +122,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     let mut merged = sum.ok_or("there is nothing to merge")?;
     let Merged { known, film, .. } = &mut merged;
     total.spp = film.samples();
-    total.record(film, None, Measure::default());
+    total.record(film, &Limits::default());
     let held: Vec<_> = held.iter().map(|(_, [_, there])| *there).collect();
     let of = known.run_key.part.take().map_or(total.spp, |part| part.of);
     let missing = missing(film.window, of, &held);

@@ -8,7 +8,7 @@
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io::{Cursor, Read, Write};
+use std::io::{Read, Write};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::thread;
@@ -176,15 +176,6 @@ impl Scratch {
     /// The image of a file.
     pub fn image(&self, name: &str) -> Image {
         Image::read(&self.path(name)).unwrap()
-    }
-
-    /// What the pixels of a PNG have, and the bytes of their levels.
-    pub fn png(&self, name: &str) -> (png::ColorType, Vec<u8>) {
-        let file = Cursor::new(self.get(name));
-        let mut reader = png::Decoder::new(file).read_info().unwrap();
-        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-        reader.next_frame(&mut bytes).unwrap();
-        (reader.info().color_type, bytes)
     }
 
     /// The image of the scene `room.obj` on standard output.

@@ -79,10 +79,8 @@ impl Grid {
         let ends = [0, 1, 2].map(ends);
         let [low, high] = [0, 1].map(|e| DVec3::from(ends.map(|k| k[e])));
         let longest = (high - low).max_element();
-        let side = match longest > 0. {
-            true => power_of_two(exponent(longest / 64.)),
-            false => 1.,
-        };
+        let fine = power_of_two(exponent(longest / 64.));
+        let side = if longest > 0. { fine } else { 1. };
         let reach = side * (1u64 << (BITS - 1)) as f64;
         let low = 0.5 * (low + high) - reach;
         Self { low, side, per_unit: 1. / side }
@@ -257,10 +255,9 @@ impl RadianceCache {
         });
         let cells = Cells::of(records);
         let mut cache = Self::numbering(self.grid, &cells);
-        let ends =
-            records.par_iter().map(|record| cache.end(record)).collect();
-        let known = cells.names.iter().map(|&name| self.at(name).value);
-        let known = known.collect();
+        let ends = records.par_iter().map(|r| cache.end(r)).collect();
+        let known =
+            cells.names.iter().map(|&name| self.at(name).value).collect();
         let equations = Equations { cells, records, ends, albedo };
         let values = equations.solve(known, watch);
         let errors = equations.errors(&values);

@@ -29,10 +29,8 @@ impl Renderer for Gather<'_> {
     }
 
     fn training_rays(&self, area: u64) -> u64 {
-        match self.learnt.get() {
-            Some(_) => 0,
-            None => self.training + area.saturating_mul(2 * PILOT_SAMPLES),
-        }
+        let all = self.training + area.saturating_mul(2 * PILOT_SAMPLES);
+        if self.learnt.get().is_some() { 0 } else { all }
     }
 
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
@@ -106,17 +104,11 @@ impl Dispatch for Pass<'_> {
                 for (halves, (value, correction)) in
                     halves.iter_mut().zip(parts)
                 {
-                    add_value(
-                        halves,
-                        number,
-                        [value - correction, *correction],
-                    );
+                    let parts = [value - correction, *correction];
+                    add_value(halves, number, parts);
                 }
-                if let Some(mean) = &mut mean {
-                    mean.add(
-                        values.iter().sum::<f64>() / values.len() as f64,
-                    );
-                }
+                let all = values.iter().sum::<f64>() / values.len() as f64;
+                mean.iter_mut().for_each(|mean| mean.add(all));
                 pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
                 watch(replicate * pixels.len() as u64);
             }
