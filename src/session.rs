@@ -923,6 +923,10 @@ fn render(
         progress::error(&message);
         return Ok(stop);
     }
+    let is_dark = film.means().all(|mean| mean == 0.);
+    if is_dark && output.known.run_key.subject.receivers.is_some() {
+        progress::warn("no light arrives: does a face close each opening?");
+    }
     output.write(&convergence, &film, None)?;
     if output.known.run_key.only_learns() {
         let Convergence { rays, seconds, .. } = convergence;
