@@ -107,6 +107,7 @@ impl<'a> Plan<'a> {
         let mut plan = Self { is_one, ..Self::default() };
         let (mut count, mut label, mut chunk) = (0, &b""[..], &b""[..]);
         for mark in lines(stream).filter_map(Mark::read) {
+            // Learn from one line of the stream
             let inner = mark.inner();
             match (mark.keyword, inner.keyword) {
                 (b"file", _) => {
