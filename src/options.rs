@@ -53,8 +53,8 @@ pub struct Options {
           value_parser = |text: &str| Window::try_from(text.to_owned()))]
     pub crop: Option<Window>,
 
-    /// Samples (paths) per pixel [default: 1, and 1024 of points, faces and
-    /// vertices]; an upper bound with --time or --error
+    /// Samples (paths) per pixel [default: 1] or receiver [default: 1024]; an
+    /// upper bound with --time or --error
     #[arg(short = 'n', long = "spp", visible_alias = "realisations",
           value_name = "N",
           value_parser = only(parse_whole, |&n| n > 0, SAMPLES))]

@@ -189,40 +189,6 @@ fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
     }
 }
 
-#[test]
-fn a_gather_of_a_tile_with_two_albedos_has_both_radiances() {
-    let place = Scratch::new();
-    let parts = painted_sphere(&place);
-    let arrives = 0.2 / (1. - 0.9 * parts[0] - 0.1 * parts[1]);
-    let (seeds, mut sums) = (24, [[0.; 2]; 2]);
-    for seed in 0..seeds {
-        place.done(&format!(
-            "sphere.obj --albedo light=0.9 --albedo dark=0.1 -t0,0,-1 \
-             -u0,1,0 --zenith=z -F40 -d16x16 -n64 -s{seed} \
-             --integrator=gather -f -q -oa.pfm"
-        ));
-        let means = place.image("a.pfm").means;
-        let half = |left: bool| {
-            let is_there = |i: &usize| (i % 16 < 8) == left;
-            let all = (0..256).filter(is_there).map(|i| means[i]);
-            all.sum::<f64>() / 128.
-        };
-        for (sums, mean) in sums.iter_mut().zip([half(true), half(false)]) {
-            sums[0] += mean / f64::from(seeds);
-            sums[1] += mean * mean / f64::from(seeds);
-        }
-    }
-    sums.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    for ([mean, square], albedo) in sums.into_iter().zip([0.1, 0.9]) {
-        let variance = (square - mean * mean) / f64::from(seeds - 1);
-        judge(
-            [mean, variance.max(0.).sqrt()],
-            albedo * arrives,
-            f64::from(seeds),
-        );
-    }
-}
-
 /// A point that looks up in a sphere.
 const POINT: DVec3 = DVec3::new(0., 0., -0.9);
 
