@@ -8,7 +8,7 @@ test:
 # This needs latexmk and the style noweb.sty, of Debian's package noweb.
 pdf:
 	mkdir -p build
-	noweb noweave -delay -index -autodefs rust \
+	noweb noweave -delay -index \
 	  -backend 'noweb split_scope -delay -o build' \
 	  MASTER chapters/greeting.nw chapters/command.nw
 	cd build && latexmk -pdf -interaction=nonstopmode book.tex
