@@ -22,6 +22,7 @@ use crate::cpif::{copy_if, replace};
 use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Position, Source, checked, shown,
 };
+use crate::markup::begins_docs;
 use crate::stream::lines;
 use crate::tangle::{Layout, Tangled, tangle};
 use crate::web::{Piece, Web};
@@ -56,7 +57,13 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
         let is_there = is_summary || start == 0;
         is_there.then(|| beside.join(OsStr::from_bytes(&name)))
     };
-    let chapters = lines(&text).filter_map(chapter);
+    let mut is_code = false;
+    let is_prose = |line: &&[u8]| {
+        let begins = line.starts_with(b"<<") && line.ends_with(b">>=");
+        is_code = begins || is_code && !begins_docs(line);
+        !is_code
+    };
+    let chapters = lines(&text).filter(is_prose).filter_map(chapter);
     let chapters: Vec<PathBuf> =
         std::iter::once(master.to_owned()).chain(chapters).collect();
     // Refuse chapters that are not included

@@ -88,6 +88,17 @@ fn what_is_defined_and_used_is_linked_both_ways() {
     assert!(faults[0].to_string().contains("no Markdown"));
 }
 
+#[test]
+fn an_include_inside_of_a_chunk_is_none() {
+    let place = tempfile::tempdir().unwrap();
+    let web = "<<a.tex>>=\n\\include{b}\n@\n";
+    fs::write(place.path().join("a.nw"), web).unwrap();
+    let mut tangle = Command::new(NOWEB);
+    run(tangle.args(["tangle", "a.nw"]).current_dir(&place));
+    let text = fs::read_to_string(place.path().join("a.tex")).unwrap();
+    assert_eq!(text, "\\include{b}\n");
+}
+
 /// Files in Markdown of the packages that cargo has fetched for this one.
 fn public_files() -> Vec<PathBuf> {
     let home = env::var_os("CARGO_HOME").map(PathBuf::from);
