@@ -83,7 +83,10 @@ fn write(
     };
     fs::create_dir(dir).map_err(fault)?;
     for (path, text) in COMMON.iter().chain(own) {
-        let text = text.replace("NAME", name).replace("MASTER", master);
+        let mut text = text.replace("NAME", name).replace("MASTER", master);
+        if *path == "Makefile" {
+            text = text.replace("\n    ", "\n\t");
+        }
         let path = dir.join(path);
         let parent = path.parent().unwrap_or(dir);
         let made = fs::create_dir_all(parent);
