@@ -34,7 +34,7 @@ use crate::integrator::{Alone, Together};
 use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces};
 use crate::materials::{libraries, names};
 use crate::memory::zeroed;
-use crate::options::{Error, Options, input_name, is_dash};
+use crate::options::{Error, Options, Target, input_name, is_dash};
 use crate::output::{OutputTarget, format_of, tell_apart};
 use crate::progress::{self, ProgressBar, expect, render_bar, step};
 use crate::render::Renderer;
@@ -683,7 +683,14 @@ fn build(
         Sensor::Camera(_, entrance) => (tiles.area(), !entrance.is_inside),
         Sensor::Receivers(receivers) => (receivers.count(), false),
     };
-    let paths = options.goal(1).map(|n| n as f64 * area as f64);
+    let enough = |target: Target| {
+        let deviation = if target.is_relative { 1. } else { 0.25 };
+        (deviation / target.error).powi(2).max(1.)
+    };
+    let limits =
+        [options.goal(1).map(|n| n as f64), options.error.map(enough)];
+    let samples = limits.into_iter().flatten().reduce(f64::min);
+    let paths = samples.map(|n| n * area as f64);
     let rays =
         expected_rays((is_outside, subject.albedo), paths, options.time);
     let rays = rays / ranks.place().1 as f64;
