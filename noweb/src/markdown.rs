@@ -283,8 +283,8 @@ impl<'a> Converter<'a> {
                 self.shown.insert(inner.keyword, inner.text());
             }
             b"use" | b"link" => {
-                let label = self.reference;
-                self.quote.iter_mut().for_each(|quote| quote.1 = label);
+                let quote = self.quote.as_mut().filter(|q| q.1.is_empty());
+                quote.into_iter().for_each(|q| q.1 = self.reference);
             }
             b"isused" | b"isdefined" | b"entryuse" => {
                 self.entry.1[1].push(text)

@@ -9,6 +9,8 @@
 //! written.
 
 use std::ffi::{OsStr, OsString};
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
 
 use crate::diagnostic::{
     Diagnostic, Faults, Level, bytes_of, checked, shown,
@@ -237,6 +239,23 @@ impl Stage {
 impl Request {
     /// The pages of chapters in Markdown, unless they go to files.
     fn pages(&self, streams: &mut Streams) -> Result<Vec<u8>, Faults> {
+        // Refuse what Markdown has no room for
+        let fault =
+            |text: String| vec![Diagnostic::new(Level::Error, None, text)];
+        let own = ["finduses", "noidx"];
+        if let Some(other) =
+            self.filters.iter().find(|f| !own.contains(&&shown(f)[..]))
+        {
+            let other = shown(other);
+            return Err(fault(format!("-md takes no filter ({other})")));
+        }
+        if self.files.is_empty()
+            || self.files.iter().any(|file| file == "-")
+        {
+            return Err(fault(
+                "-md needs files, whose names end in .md".into(),
+            ));
+        }
         let (mut sources, faults) = streams.sources(&self.files);
         for source in &mut sources {
             let name = source.name.rsplit(|byte| *byte == b'/').next();
@@ -249,8 +268,6 @@ impl Request {
             return Ok(pages.concat());
         };
         // Write the pages to the directory of split_scope
-        let fault =
-            |text: String| vec![Diagnostic::new(Level::Error, None, text)];
         let stage = Stage { command: backend, args: Vec::new() };
         let words = stage.own().map_or(Vec::new(), |(_, words)| words);
         let [option, dir] = &words[..] else {
@@ -263,6 +280,21 @@ impl Request {
         }
         let names = sources.into_iter().map(|source| source.name);
         let pages: Vec<_> = names.zip(pages).collect();
+        let place = |path: &Path| path.canonicalize().ok();
+        let chapters = self.files.iter().map(|file| place(file.as_ref()));
+        let chapters: Vec<_> = chapters.collect();
+        for (i, (name, _)) in pages.iter().enumerate() {
+            let page = Path::new(dir).join(OsStr::from_bytes(name));
+            let is_twice =
+                pages[..i].iter().any(|(other, _)| other == name);
+            if is_twice || page.exists() && chapters.contains(&place(&page))
+            {
+                let page = shown(page);
+                return Err(fault(format!(
+                    "{page} would replace another text"
+                )));
+            }
+        }
         split_scope::write_pages(&pages, dir.as_ref()).map_err(fault)?;
         Ok(Vec::new())
     }

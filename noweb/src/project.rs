@@ -54,7 +54,10 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
         let name = &line[start + from.len()..];
         let end = name.iter().position(|b| *b == to)?;
         let name = [&name[..end], ending].concat();
-        let is_there = is_summary || start == 0;
+        let is_there = match is_summary {
+            true => name.ends_with(b".md"),
+            false => start == 0,
+        };
         is_there.then(|| beside.join(OsStr::from_bytes(&name)))
     };
     let mut is_code = false;
@@ -67,7 +70,8 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let chapters: Vec<PathBuf> =
         std::iter::once(master.to_owned()).chain(chapters).collect();
     // Refuse chapters that are not included
-    for entry in fs::read_dir(dir.join(&beside)).into_iter().flatten() {
+    let folder = dir.join(&beside).join(".");
+    for entry in fs::read_dir(folder).into_iter().flatten() {
         let name = entry?.file_name();
         let path = beside.join(&name);
         let hidden = name.as_bytes().starts_with(b".");

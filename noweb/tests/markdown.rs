@@ -6,6 +6,7 @@
 
 use std::env;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -97,6 +98,106 @@ fn an_include_inside_of_a_chunk_is_none() {
     run(tangle.args(["tangle", "a.nw"]).current_dir(&place));
     let text = fs::read_to_string(place.path().join("a.tex")).unwrap();
     assert_eq!(text, "\\include{b}\n");
+}
+
+#[test]
+fn pages_go_to_files_and_never_over_a_chapter() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("chapters");
+    fs::create_dir(&dir).unwrap();
+    let a = "<<a.c>>=\n<<b>>\n@ %def g\n";
+    let b = "`f(g)`\n<<b>>=\nf\n@ %def f\n";
+    fs::write(dir.join("a.md"), a).unwrap();
+    fs::write(dir.join("b.md"), b).unwrap();
+    let weave = |more: &str, files: &str| {
+        let mut weave = Command::new(NOWEB);
+        weave.args(["noweave", "-md"]).current_dir(&place);
+        weave
+            .args(more.split_terminator('|'))
+            .args(files.split_whitespace());
+        weave.output().unwrap()
+    };
+    let both = "chapters/a.md chapters/b.md";
+    let done = weave("-backend|split_scope -o book", both);
+    assert!(done.status.success(), "{done:?}");
+    let page = fs::read_to_string(place.path().join("book/a.md")).unwrap();
+    assert!(page.contains("includes [⟨b⟩ 2.1](b.md#chunk-2-1)"), "{page}");
+    let page = fs::read_to_string(place.path().join("book/b.md")).unwrap();
+    assert!(page.starts_with("[`f(g)`](#chunk-2-1)\n"), "{page}");
+    for (more, files, fault) in [
+        ("-backend|split_scope -o chapters", both, "would replace"),
+        (
+            "-backend|split_scope -o out",
+            "chapters/a.md chapters/a.md",
+            "would replace",
+        ),
+        ("-backend|totex", both, "split_scope -o DIR"),
+        ("-filter|cat", both, "no filter (cat)"),
+        ("", "", "needs files"),
+    ] {
+        let done = weave(more, files);
+        let told = String::from_utf8(done.stderr).unwrap();
+        assert_eq!(done.status.code(), Some(1), "{more}");
+        assert!(told.contains(fault), "{more}: {told}");
+    }
+    assert_eq!(fs::read_to_string(dir.join("a.md")).unwrap(), a);
+}
+
+#[test]
+fn a_summary_lists_the_chapters_and_nothing_else() {
+    let place = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        fs::write(place.path().join(name), text).unwrap();
+    };
+    write("SUMMARY.md", "- [A](a.md)\n- [Draft]()\n- [Web](http://b.c)\n");
+    write("a.md", "<<a.txt>>=\nx\n@\n");
+    let tangle = || {
+        let mut tangle = Command::new(NOWEB);
+        tangle.args(["tangle", "SUMMARY.md"]).current_dir(&place);
+        tangle.output().unwrap()
+    };
+    assert!(tangle().status.success());
+    assert_eq!(fs::read(place.path().join("a.txt")).unwrap(), b"x\n");
+    write("lost.md", "");
+    let told = String::from_utf8(tangle().stderr).unwrap();
+    assert!(told.contains("SUMMARY.md does not include lost.md"), "{told}");
+}
+
+#[test]
+fn mdbook_gets_its_book_back_woven() {
+    let chapter = |path: &str, content: &str| {
+        serde_json::json!({ "Chapter": {
+            "name": path, "content": content, "path": path, "sub_items": [],
+        }})
+    };
+    let mut first = chapter("a.md", "<<a.rs>>=\n<<b>>\n@\n");
+    first["Chapter"]["sub_items"] =
+        serde_json::json!([chapter("s/b.md", "<<b>>=\nfn f() {}\n@\n")]);
+    let config = serde_json::json!({ "config": {
+        "preprocessor": { "noweb": { "rust": true } },
+    }});
+    let book = serde_json::json!({ "items": [first, "Separator"] });
+    let mut mdbook = Command::new(NOWEB);
+    mdbook.arg("mdbook").stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut child = mdbook.spawn().unwrap();
+    let input = serde_json::json!([config, book]).to_string();
+    child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let book: serde_json::Value =
+        serde_json::from_slice(&output.stdout).unwrap();
+    let own = &book["items"][0]["Chapter"];
+    assert!(
+        own["content"].as_str().unwrap().contains("](s/b.md#chunk-2-1)")
+    );
+    let below = &own["sub_items"][0]["Chapter"]["content"];
+    let below = below.as_str().unwrap();
+    assert!(below.contains("used in [1.1](../a.md#chunk-1-1)"), "{below}");
+    assert!(below.contains("defines `f`"), "{below}");
+    assert_eq!(book["items"][1], "Separator");
+    assert!(
+        run(Command::new(NOWEB).args(["mdbook", "supports", "x"]))
+            .is_empty()
+    );
 }
 
 /// Files in Markdown of the packages that cargo has fetched for this one.

@@ -74,8 +74,8 @@ enum Verb {
         #[arg(long)]
         no_filter: bool,
     },
-    /// Make a colour image, .png or .exr, of three of one seed, of --band r, g
-    /// and b
+    /// Join three images of one seed, of --band r, g and b, to a colour image,
+    /// .png or .exr
     Rgb {
         /// Red, green and blue
         #[arg(value_names = ["R", "G", "B"], num_args = 3, required = true)]
@@ -267,9 +267,11 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                 }
             }
             let colours = colours(&images);
+            let errors = images[0].errors.clone();
+            let stops =
+                stops(*exposure, &Image { errors, ..colours.clone() });
             let images = images.into_iter().map(display::picture);
             let images: Vec<_> = images.collect();
-            let stops = stops(*exposure, &colours);
             let expose = |band: &Image| Image {
                 more: band.more.clone(),
                 ..display::tonemap(band, stops, Curve::Clamp)
@@ -335,13 +337,20 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             }
             // Write what was merged
             let mut products = targets.iter().map(|(product, _)| product);
-            if merged.known.run_key.filtered
-                && products.any(|p| p.is_picture())
+            let run_key = &merged.known.run_key;
+            let lack = match run_key.filtered {
+                true => Some("is not filtered"),
+                false => {
+                    run_key.subject.light().behind.map(|_| "has no opacity")
+                }
+            };
+            if let Some(lack) =
+                lack.filter(|_| products.any(|p| p.is_picture()))
             {
-                progress::warn(
-                    "the picture is not filtered, for lack of the scene: merge to a \
-                     state, -o a.litpt, and use pt --resume a.litpt",
-                );
+                progress::warn(&format!(
+                    "the picture {lack}, for lack of the scene: merge to a state, \
+                     -o a.litpt, and use pt --resume a.litpt"
+                ));
             }
             let convergence = merged.known.report.convergence.clone();
             let mut output =

@@ -44,7 +44,7 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
 pub fn cut_out(image: Image, background: f64) -> Image {
     let Some(opacity) = image.channel(OPACITY) else { return image };
     let surface = |(&mean, &a): (&f64, &f64)| match a > 0. {
-        true => ((mean - (1. - a) * background) / a).max(0.),
+        true => (mean - (1. - a) * background) / a,
         false => background,
     };
     let means = image.means.iter().zip(opacity).map(surface).collect();
