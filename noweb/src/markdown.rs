@@ -226,8 +226,14 @@ impl<'a> Converter<'a> {
     fn convert(&mut self, mark: Mark<'a>, plan: &Plan<'a>) {
         let inner = mark.inner();
         match (mark.keyword, inner.keyword) {
-            (b"file", _) => self.pages.push(Vec::new()),
-            (b"text", _) => self.text(mark.text()),
+            (b"file", _) => {
+                self.pages.push(Vec::new());
+                self.is_after_code = false;
+            }
+            (b"text", _) => {
+                self.leave_code(mark.text().is_empty());
+                self.put(mark.text());
+            }
             (b"nl", _) if take(&mut self.naming) => {}
             (b"nl", _) => self.put(b"\n"),
             (b"begin", b"code") => self.code = Some(Vec::new()),
@@ -237,7 +243,10 @@ impl<'a> Converter<'a> {
             }
             (b"use", _) => self.include(mark.text(), plan),
             (b"end", b"code") => self.end_code(plan),
-            (b"quote", _) => self.quote = Some((Vec::new(), b"")),
+            (b"quote", _) => {
+                self.leave_code(false);
+                self.quote = Some((Vec::new(), b""));
+            }
             (b"endquote", _) => self.end_quote(plan),
             (b"xref", _) => self.refer(inner, plan),
             (b"index", _) => self.index(inner, plan),
@@ -245,12 +254,11 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// Puts a text, after an empty line if it follows a chunk.
-    fn text(&mut self, text: &[u8]) {
-        if take(&mut self.is_after_code) && !text.is_empty() {
+    /// Puts an empty line behind a chunk, unless the prose has one.
+    fn leave_code(&mut self, has_one: bool) {
+        if take(&mut self.is_after_code) && !has_one {
             self.put(b"\n");
         }
-        self.put(text);
     }
 
     fn put(&mut self, text: &[u8]) {
