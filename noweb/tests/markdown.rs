@@ -37,9 +37,10 @@ fn tangled(text: &str) -> Vec<(PathBuf, String)> {
 
 #[test]
 fn a_definition_in_a_fence_or_indented_is_prose() {
-    let text = "````\n<<no.rs>>=\n```\n<<no.rs>>=\n````\n  <<no.rs>>=\n\
-                ~~~ rust\n<<no.rs>>=\n```\n~~~~\n`<<no.rs>>=`\n<<a.rs>>=\n\
-                ```\nx @<< 1;\n@@rest\n@\n```\n<<no.rs>>=\n```\n<<b.rs>>=\ny\n";
+    let text = "````\n<<1.rs>>=\n```\n<<2.rs>>=\n````\n  <<3.rs>>=\n\
+                ~~~ rust\n<<4.rs>>=\n```\n~~~~\n`<<5.rs>>=`\n    ```\n\
+                <<a.rs>>=\n```\nx @<< 1;\n@@rest\n@\n```\n<<6.rs>>=\n\
+                ```\n<<b.rs>>=\ny\n";
     let files = tangled(text);
     let names: Vec<_> =
         files.iter().map(|(path, _)| path.to_str()).collect();
@@ -49,10 +50,10 @@ fn a_definition_in_a_fence_or_indented_is_prose() {
 
 #[test]
 fn signs_of_noweb_mean_nothing_in_prose() {
-    let prose = "1 << 2, [[a]](b), @ c\n@ %def d\n@@ -1 +1 @@\n@<<e>>\n\t\\`f`\n\
-                 ``g ` h`` `i\n";
-    let page =
-        &woven(&[chapter("a.md", &format!("{prose}<<j.c>>=\nk\n@\n"))])[0];
+    let prose = "1 << 2, [[a]](b), @ c\n@ %def d\n@@ -1 +1 @@\n@<<e>>\n\t\\`k`\n\
+                 ``g ` k`` `i\n";
+    let web = format!("{prose}<<j.c>>=\nk\n@ %def k\n");
+    let page = &woven(&[chapter("a.md", &web)])[0];
     assert!(page.starts_with(prose), "{page}");
     assert!(page.contains("\n```c\nk\n```\n"));
 }
@@ -170,7 +171,7 @@ fn mdbook_gets_its_book_back_woven() {
             "name": path, "content": content, "path": path, "sub_items": [],
         }})
     };
-    let mut first = chapter("a.md", "<<a.rs>>=\n<<b>>\n@\n");
+    let mut first = chapter("s/a.md", "<<a.rs>>=\n<<b>>\n@\n");
     first["Chapter"]["sub_items"] =
         serde_json::json!([chapter("s/b.md", "<<b>>=\nfn f() {}\n@\n")]);
     let config = serde_json::json!({ "config": {
@@ -186,12 +187,10 @@ fn mdbook_gets_its_book_back_woven() {
     let book: serde_json::Value =
         serde_json::from_slice(&output.stdout).unwrap();
     let own = &book["items"][0]["Chapter"];
-    assert!(
-        own["content"].as_str().unwrap().contains("](s/b.md#chunk-2-1)")
-    );
+    assert!(own["content"].as_str().unwrap().contains("](b.md#chunk-2-1)"));
     let below = &own["sub_items"][0]["Chapter"]["content"];
     let below = below.as_str().unwrap();
-    assert!(below.contains("used in [1.1](../a.md#chunk-1-1)"), "{below}");
+    assert!(below.contains("used in [1.1](a.md#chunk-1-1)"), "{below}");
     assert!(below.contains("defines `f`"), "{below}");
     assert_eq!(book["items"][1], "Separator");
     assert!(
@@ -298,6 +297,8 @@ fn a_new_program_runs_at_once_and_errors_lie_in_its_chapters() {
         assert_eq!(a.unwrap(), b.unwrap(), "{file}");
     }
     assert!(cargo(&latex, "test").status.success());
+    let makefile = fs::read_to_string(dir.join("Makefile")).unwrap();
+    assert!(makefile.contains("\nbin:\n\t$(MAP) cargo build\n"));
     // What is wrong in a chunk is shown in the chapter.
     let chapter = dir.join("chapters/command.md");
     let text = fs::read_to_string(&chapter).unwrap();
