@@ -6,11 +6,13 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use litpt::compare::display::{Curve, WHITE, errors, tonemap, z_map};
+use litpt::compare::display::{
+    Curve, WHITE, cut_out, errors, tonemap, z_map,
+};
 use litpt::compare::{
     Difference, Dispersion, FALSE_ALARMS, FEW, compare, disagreements,
 };
-use litpt::image::Image;
+use litpt::image::{Image, OPACITY};
 use litpt::statistics::Accumulator;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -275,6 +277,18 @@ fn all_that_differs_is_named() {
     assert_eq!(found, expected);
     let foreign = of(&[("seed", "1")]);
     assert!(disagreements(&one, &foreign).is_empty());
+}
+
+#[test]
+fn what_is_cut_out_is_its_surface_alone_and_gaps_remain() {
+    let opacity = vec![0.5, 0.5, 0., 1.];
+    let image = Image {
+        more: vec![(OPACITY, opacity)],
+        ..Image::plain(4, 1, vec![f64::NAN, 0.5, 0.25, 0.75])
+    };
+    let means = cut_out(image, 0.25).means;
+    assert!(means[0].is_nan());
+    assert_eq!(means[1..], [0.75, 0.25, 0.75]);
 }
 
 #[test]

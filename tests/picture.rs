@@ -247,4 +247,11 @@ fn a_merge_says_that_its_picture_is_not_filtered() {
     assert!(merge("-oc.png").contains("the picture is not filtered"));
     assert!(place.json("r.json").get("picture").is_none());
     assert_eq!(merge("-oc.pfm -oc.litpt"), "");
+    let paths = "--integrator=reference --background=1";
+    for (part, range) in [("a", "0..6"), ("b", "6..12")] {
+        let line =
+            format!("{VIEW} {paths} --samples={range} -o{part}.litpt");
+        place.done(&line);
+    }
+    assert!(merge("-oc.png").contains("the picture has no opacity"));
 }

@@ -11,7 +11,7 @@ use std::io::Cursor;
 use common::{Scratch, feed, pgm};
 use exr::math::Vec2;
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
-use litpt::image::{Format, Image, luminance};
+use litpt::image::{Format, Image, OPACITY, luminance};
 use litpt::output::{OutputTarget, format_of};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -420,6 +420,19 @@ fn three_bands_make_a_colour_image() {
     for name in ["stderr.R", "stderr.G", "stderr.B"] {
         assert!(bytes.windows(8).any(|window| window == name.as_bytes()));
     }
+    // Three images with a background have an opacity in common.
+    let sky = r#"{"zenith":[0,0,1],"cover":"uniform","behind":0.5}"#;
+    for (k, image) in (1..).zip(&bands) {
+        let mut cut = image.clone();
+        cut.more = vec![(OPACITY, vec![1.; image.means.len()])];
+        cut.attributes.insert("sky".into(), sky.into());
+        write(&place, &format!("{k}.exr"), &cut);
+    }
+    rgb("-oa.png").succeeded();
+    let (kind, clear) = pixels(&place, "a.png");
+    assert_eq!(kind, png::ColorType::Rgba);
+    let colours = clear.chunks(8).flat_map(|pixel| &pixel[..6]);
+    assert!(colours.eq(&levels));
     // A brighter picture, and what is refused.
     assert!(rgb("-e auto -od.png").stderr.contains("stops"));
     rgb("-oc.pgm").failed(1, &[".png or .exr"]);
