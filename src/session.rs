@@ -684,7 +684,11 @@ fn build(
         Sensor::Receivers(receivers) => (receivers.count(), false),
     };
     let enough = |target: Target| {
-        let deviation = if target.is_relative { 1. } else { 0.25 };
+        let deviation = match &sensor {
+            _ if target.is_relative => 1.,
+            Sensor::Camera(_, entrance) if entrance.is_inside => 0.006,
+            _ => 0.25,
+        };
         (deviation / target.error).powi(2).max(1.)
     };
     let limits =

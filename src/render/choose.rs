@@ -228,8 +228,10 @@ impl<'a> Setup<'a> {
         let albedo = self.view.surfaces.typical;
         let forecast = Forecast { pilot, albedo, size };
         let percent = (100. * pilot.control()).round() as u64;
+        let allowed = error.map(|error| forecast.allowed(error));
         let methods = Method::ALL.map(|method| {
-            let enough = error.map(|error| forecast.needed(method, error));
+            let enough =
+                allowed.map(|square| forecast.needed(method, square));
             let samples = samples.into_iter().chain(enough).min();
             let mut sampling = Sampling::new(method, seed, samples, size);
             match (method, error) {
@@ -241,7 +243,7 @@ impl<'a> Setup<'a> {
             }
             let expected = samples.unwrap_or(MANY) as f64;
             let [variance, rays] = forecast.foresee(&sampling, expected);
-            (sampling, variance * rays)
+            (sampling, variance.max(2. * allowed.unwrap_or(0.)) * rays)
         });
         // Choose among the methods that there is time for
         let is_quick = |sampling: &Sampling| {
@@ -498,62 +500,78 @@ impl Forecast {
             }
             Method::Gather => {
                 // Foresee the variance and the rays of a gather
-                let Pilot { first_rays, indirect, .. } = self.pilot;
-                let bright = self.albedo * self.albedo;
-                let (seen, sharp) = match self.size.0 {
-                    1 => (1., RECEIVED),
-                    _ => (first_rays, 1.),
-                };
-                let each = seen + 3. * bright * indirect;
-                let once = 8. * seen / samples;
-                let guided = 1.6 * first * square
-                    / (square + 0.7 * first).max(f64::MIN_POSITIVE);
-                let short = first_rays / rays.max(1e-9);
-                let left = 16. * bright * short * short * later;
-                let learnt = libm::pow(samples.min(4096.), -0.28);
-                let few = (FITTED_AREA / self.area()).sqrt().max(1.);
-                let variance = (guided + left) * learnt * few * sharp;
-                [variance, 1.7 * (each + once)]
+                let part = if self.size.0 == 1 { RECEIVED } else { 1. };
+                let once =
+                    self.learning(sampling) / (self.area() * samples);
+                let guided = 0.68 * first * square
+                    / (square + first).max(f64::MIN_POSITIVE);
+                let short = self.pilot.first_rays / rays.max(1e-9);
+                let left =
+                    4.5 * self.albedo.powi(4) * short * short * later;
+                let learnt = libm::pow(samples.min(4096.), -0.1);
+                let few = part * (FITTED_AREA / self.area()).sqrt().max(1.);
+                let variance = (guided + left) * learnt * few;
+                [variance, 1.4 * (self.gathering(sampling) + once)]
             }
         }
     }
 
+    /// The rays of a sample with its part of the corrections.
+    fn gathering(&self, sampling: &Sampling) -> f64 {
+        let further = 4.7 * self.albedo * self.pilot.indirect;
+        let more = 0.5 / sampling.replicate as f64;
+        (1. + more) * (self.seen() + further)
+    }
+
+    /// The rays of the training and of the pilot that allocates samples.
+    fn learning(&self, sampling: &Sampling) -> f64 {
+        let pilot = self.area() * PILOT_SAMPLES as f64 * self.seen();
+        0.5 * sampling.training as f64 + pilot
+    }
+
+    /// The rays of a path up to its second surface; a receiver is one.
+    fn seen(&self) -> f64 {
+        if self.size.0 == 1 { 1. } else { self.pilot.first_rays }
+    }
+
     /// The samples of each pixel of a window after which the image has an error,
-    /// up to a fifth too many. The error of the worst pixel is taken for three
-    /// times that of all.
-    fn needed(&self, method: Method, (error, of): (f64, Measure)) -> u64 {
-        let whole = if of.relative { self.pilot.square.sqrt() } else { 1. };
-        let part = if of.largest { 1. / 3. } else { 1. };
-        let rmse = error * whole * part;
+    /// up to a fifth too many, and two at least: one has no error yet.
+    fn needed(&self, method: Method, square: f64) -> u64 {
         let is_enough = |&n: &u64| {
             let sampling = Sampling::new(method, 0, Some(n), self.size);
             let [variance, _] = self.foresee(&sampling, n as f64);
-            variance <= n as f64 * rmse * rmse
+            variance <= n as f64 * square
         };
-        let quarters = (0..80).map(|k| 0.25 * f64::from(k));
+        let quarters = (4..80).map(|k| 0.25 * f64::from(k));
         let mut steps = quarters.map(|k| libm::exp2(k).ceil() as u64);
         steps.find(is_enough).unwrap_or(MANY)
     }
 
+    /// The mean square error of an image that is good enough. The error of the
+    /// worst pixel is taken for three times that of all.
+    fn allowed(&self, (error, of): (f64, Measure)) -> f64 {
+        let whole = if of.relative { self.pilot.square } else { 1. };
+        let part = if of.largest { 1. / 9. } else { 1. };
+        error * error * whole * part
+    }
+
     /// The work before each pixel has a sample, in paths.
     fn first_paths(&self, sampling: &Sampling) -> f64 {
-        let &Self { pilot, albedo, .. } = self;
-        let (area, replicate) = (self.area(), sampling.replicate as f64);
-        let each = pilot.first_rays + 3. * albedo * albedo * pilot.indirect;
+        let first = self.area() * sampling.replicate as f64;
         match sampling.method {
             Method::Gather => {
-                let learnt = PILOT_SAMPLES as f64 * pilot.first_rays;
-                let rays = area * (learnt + replicate * each);
-                (sampling.training as f64 + rays) / pilot.rays.max(1e-9)
+                let rays = self.learning(sampling)
+                    + first * self.gathering(sampling);
+                rays / self.pilot.rays.max(1e-9)
             }
-            _ => area * replicate,
+            _ => first,
         }
     }
 }
 
 /// What a gather leaves of the variance of receivers, which have no pixel
 /// that only chance samples, beside that of pixels.
-const RECEIVED: f64 = 1. / 6.;
+const RECEIVED: f64 = 1. / 12.;
 
 /// The pixels of the images to which the constants of a gather are fitted.
 const FITTED_AREA: f64 = 320. * 240.;
