@@ -20,8 +20,8 @@ const KNOWN: [(&str, &str); 3] = [
         "caa054c3c6496ac6a92e826ef9a82c7387603e149a9f6309f4d385430da961ad",
     ),
     (
-        "gather 5",
-        "c26fcca8e9d2492092870241191839a56d06361f27196612c5101954b5916c97",
+        "gather 6",
+        "336ca4ee744e1da94201d47e592a6f1cb1df709b0839152031ac32d74d675bc0",
     ),
 ];
 

@@ -125,7 +125,7 @@ const PIECES: u64 = 64;
 const ROUNDS: [u64; 3] = [15, 25, 60];
 
 /// By how much the last round must be expected to reduce the error.
-const LEAST_FALL: f32 = 0.028;
+const LEAST_FALL: f32 = 0.036;
 
 /// Learns a cache with tracers like this one; returns it and the rays, or
 /// none if `watch`, which is told the rays, stops it.
