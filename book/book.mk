@@ -24,7 +24,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   nets.stamp stability.tex \
   ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex sizes.csv \
   mixtures.tex \
-  mixtures-ball.csv room.csv street.csv)
+  mixtures-ball.csv room.tex street.tex)
 
 # ---- made with the book
 
@@ -41,20 +41,20 @@ $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/figures/courtyard.json &: \
 # between 0 and 1, which LaTeX draws faster than pgfplots does.
 TONE = t = t < 0 ? 0 : t; t = t > 1 ? 1 : t; \
   printf "\\tone{%s}{%s}{%.3f}\n", $$1, $$2, t
-$(BUILT)/room.csv: $(BUILD_DIR)/pt doc/examples/grid.sh doc/examples/room.obj \
+$(addprefix $(BUILT)/room,.csv .tex) &: $(BUILD_DIR)/pt doc/examples/grid.sh doc/examples/room.obj \
   doc/examples/room.mtl | $(BUILT)
 	sh doc/examples/grid.sh 0 0 6 4 40 25 0.85 | $(BUILD_DIR)/pt \
 	  doc/examples/room.obj --points - --materials --sky overcast \
-	  --ground 0.2 -n 4096 -qf -o $@
-	awk -F, 'NR > 1 { t = (log($$7) / log(10) + 2.3) / 1.6; $(TONE) }' $@ \
-	  > $(@:.csv=.tex)
+	  --ground 0.2 -n 4096 -qf -o $(BUILT)/room.csv
+	awk -F, 'NR > 1 { t = (log($$7) / log(10) + 2.3) / 1.6; $(TONE) }' \
+	  $(BUILT)/room.csv > $(BUILT)/room.tex
 
-$(BUILT)/street.csv: $(BUILD_DIR)/pt doc/examples/grid.sh \
+$(addprefix $(BUILT)/street,.csv .tex) &: $(BUILD_DIR)/pt doc/examples/grid.sh \
   doc/examples/street.sh | $(BUILT)
 	sh doc/examples/street.sh > $(BUILT)/street.obj
 	sh doc/examples/grid.sh -6 -10 200 134 103 72 0.01 | $(BUILD_DIR)/pt \
-	  $(BUILT)/street.obj --points - -r 0 -n 256 -qf -o $@
-	awk -F, 'NR > 1 { t = $$7; $(TONE) }' $@ > $(@:.csv=.tex)
+	  $(BUILT)/street.obj --points - -r 0 -n 256 -qf -o $(BUILT)/street.csv
+	awk -F, 'NR > 1 { t = $$7; $(TONE) }' $(BUILT)/street.csv > $(BUILT)/street.tex
 
 $(BUILT)/closed-forms.tex: $(BOOK) | $(BUILT)
 	$(BOOK) closed_forms > $@
