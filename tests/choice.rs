@@ -218,6 +218,24 @@ fn an_explanation_says_which_method_and_why() {
     assert!(planned.starts_with(method), "{planned}");
     let summary = place.line(&format!("{VIEW} -n64")).stderr;
     assert!(summary.contains("method    gather: a path has"));
+    // No error is known of one sample: a better method makes two of them too.
+    let coarse = explained("--error=0.5");
+    assert!(coarse.starts_with("method       reference: a"), "{coarse}");
+}
+
+/// A room is dark, so that few samples have a small error and no thorough
+/// hierarchy pays for them; seen from outside, a sample says less.
+#[test]
+fn a_hierarchy_is_built_for_the_samples_of_an_error() {
+    let place = Scratch::new();
+    let hierarchy = |options: &str| {
+        let report = report(&place, &format!("{options} -d32x24 -n64"));
+        report["settings"]["hierarchy"].clone()
+    };
+    assert_eq!(hierarchy("--error=0.01"), "fast");
+    assert_eq!(hierarchy("--error=0.002"), "thorough");
+    assert_eq!(hierarchy("-p0,-5,0 -t0,0,0 --error=0.1"), "thorough");
+    assert_eq!(hierarchy("-p0,-5,0 -t0,0,0 --error=0.5"), "fast");
 }
 
 /// A run that goes on takes the method of its checkpoint, whatever a pilot

@@ -184,7 +184,6 @@ fn options_that_do_not_fit_together_are_refused() {
 
 #[test]
 fn what_is_no_option_or_has_no_value_is_named() {
-    for wrong in ["-z", "--nonsense"] {
         refused(&["-i", "room.obj", wrong], &[wrong]);
     }
     let valued = DEFAULTS.map(|[short, long, ..]| [short, long]);
@@ -197,6 +196,8 @@ fn what_is_no_option_or_has_no_value_is_named() {
     refused(&["-o", "-q"], &["--output"]);
     refused(&["--albdo", "1"], &["--albdo", "a similar", "'--albedo'"]);
     refused(&["--format", "pgn"], &["'pgn'", "a similar", "'pgm'"]);
+    refused(&["-p", "1,2,3", "4", "5"], &["'5'", "one word: 1,2,3"]);
+    refused(&["-p", "0,1,2", "-4", "5"], &["'-4'", "one word: 1,2,3"]);
 }
 
 #[test]
