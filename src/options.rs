@@ -486,7 +486,8 @@ fn one_line(error: &clap::Error) -> String {
     let fault = parts.next().unwrap_or_default();
     let tip = parts.find(|part| part.contains(" a similar "));
     let word = fault.split('\'').nth(1).unwrap_or_default();
-    let is_number = word.parse::<f64>().is_ok() && fault.contains("unexpected");
+    let is_number =
+        word.parse::<f64>().is_ok() && fault.contains("unexpected");
     let tip = tip.or(is_number.then_some("a vector is one word: 1,2,3"));
     let line =
         |part: &str| part.split_whitespace().collect::<Vec<_>>().join(" ");
