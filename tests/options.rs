@@ -184,6 +184,7 @@ fn options_that_do_not_fit_together_are_refused() {
 
 #[test]
 fn what_is_no_option_or_has_no_value_is_named() {
+    for wrong in ["-z", "--nonsense"] {
         refused(&["-i", "room.obj", wrong], &[wrong]);
     }
     let valued = DEFAULTS.map(|[short, long, ..]| [short, long]);
