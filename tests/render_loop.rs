@@ -356,7 +356,8 @@ fn a_run_stops_when_its_error_can_be_believed() {
 fn a_pilot_counts_among_what_has_been_seen() {
     for (error, size, n) in [(1e-2, (8, 8), 19), (1e-3, (30, 30), 54)] {
         let limit = Limits { error: Some(error), pilot: 8, ..limits() };
-        let (convergence, ..) = run(&mut job(Draw(|_| 0.), 2), size, &limit);
+        let (convergence, ..) =
+            run(&mut job(Draw(|_| 0.), 2), size, &limit);
         assert_eq!(convergence.spp, n);
     }
 }
