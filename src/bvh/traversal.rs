@@ -12,7 +12,7 @@ use std::mem::MaybeUninit;
 
 use glam::DVec3;
 
-use super::triangle::{GATES, LANES, LEAF, NONE, UNIT, near, slot, slots};
+use super::triangle::{GATES, LANES, LEAF, NONE, near, slot, slots};
 use super::triangle::{Leaf, Margins, Region, Search, Shear, TriangleTest};
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
@@ -158,9 +158,11 @@ impl<'a> Stack<'a> {
 
     /// Lets the cache fetch the child that is taken next.
     #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), allow(unused))]
     pub fn fetch<const N: usize>(&self, wide: &Wide<N>) {
         #[cfg(target_arch = "x86_64")]
         if self.length > 0 {
+            use super::triangle::UNIT;
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
             let i = self.length - 1;
             // SAFETY: the element was below `length`, so it was written.

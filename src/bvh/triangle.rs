@@ -66,6 +66,7 @@ pub struct Margins {
     pub near: f64,
     /// An edge function of this or more, with the wrong sign, does not
     /// belong to a triangle that the ray passes closely.
+    #[cfg_attr(not(target_arch = "x86_64"), allow(unused))]
     pub narrow: f64,
 }
 
