@@ -10,7 +10,7 @@ use rand_pcg::Pcg64;
 
 use super::super::Isa;
 use super::super::kernels::{Vectors, fused};
-use super::super::triangle::{Leaves, units, write};
+use super::super::triangle::{Leaves, UNIT, units, write};
 use super::*;
 
 const CASES: usize = 200_000;
