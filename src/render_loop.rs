@@ -33,9 +33,6 @@ pub struct Limits<'a> {
     pub error: Option<f64>,
     /// Which error that is.
     pub measure: Measure,
-    /// Samples of each pixel that a pilot has made, beside those of the
-    /// image.
-    pub pilot: u64,
     /// Stops the run when a signal arrives.
     pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
@@ -243,8 +240,7 @@ impl Convergence {
     /// next step is due.
     fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
         // Find when the next step is due
-        let needed =
-            |error| self.needed(error, limits, area).max(self.spp + 1);
+        let needed = |error| self.needed(error, area).max(self.spp + 1);
         let ends =
             limits.samples.into_iter().chain(limits.error.map(needed));
         let due =
@@ -267,13 +263,13 @@ impl Convergence {
     /// is not over before; none if that cannot be foreseen.
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
         let error = self.last().judged(limits.measure).and(limits.error);
-        let error = error.map(|error| self.needed(error, limits, area));
+        let error = error.map(|error| self.needed(error, area));
         let all = [limits.samples, error].into_iter().flatten();
         all.min().map(|spp| spp.max(self.spp))
     }
 
     /// The samples after which the error is expected to be reached.
-    fn needed(&self, error: f64, limits: &Limits, area: u64) -> u64 {
+    fn needed(&self, error: f64, area: u64) -> u64 {
         let least = (DECISIVE / area as f64).ceil().max(2.);
         let last = self.last();
         let Some(rmse) = last.judged(self.measure) else {
@@ -283,9 +279,8 @@ impl Convergence {
         // A square that vanishes would make the quotient 0 / 0.
         let e = (error * error).max(f64::MIN_POSITIVE);
         let v = last.spp as f64 * rmse * rmse;
-        let before = limits.pilot as f64 * e;
-        let root = ((v + before).powi(2) + 12. * e / area as f64).sqrt();
-        ((v - before + root) / (2. * e)).ceil().max(least) as u64
+        let root = (v * v + 12. * e / area as f64).sqrt();
+        ((v + root) / (2. * e)).ceil().max(least) as u64
     }
 
     /// Why the run should stop now, if it should; the first sample has time
@@ -306,7 +301,7 @@ impl Convergence {
         if has_all {
             return Some(Stop::Samples);
         }
-        if limits.error.is_some_and(|e| self.reaches(e, limits, area)) {
+        if limits.error.is_some_and(|error| self.reaches(error, area)) {
             return Some(Stop::Error);
         }
         // Say whether the time is over or too short
@@ -321,9 +316,9 @@ impl Convergence {
 
     /// Whether the error is known to be small enough, even if there is light
     /// that no path has met yet (the rule of three).
-    fn reaches(&self, error: f64, limits: &Limits, area: u64) -> bool {
+    fn reaches(&self, error: f64, area: u64) -> bool {
         let paths = self.spp as f64 * area as f64;
-        let unseen = 3. / (paths * (self.spp + limits.pilot) as f64);
+        let unseen = 3. / (paths * self.spp as f64);
         let enough = |rmse| rmse * rmse + unseen <= error * error;
         let step = self.last();
         let is_recent = step.spp == self.spp && paths >= DECISIVE;

@@ -30,7 +30,6 @@ use crate::film::{Film, tile_height};
 use crate::filter::FirstHits;
 use crate::image::{Format, Image};
 use crate::integrator::gather::cache::Grid;
-use crate::integrator::gather::training::PILOT_SAMPLES;
 use crate::integrator::{Alone, Together};
 use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces};
 use crate::materials::{libraries, names};
@@ -245,10 +244,6 @@ fn run(
         reserve: seconds.map(|seconds| seconds.min(most)),
         error: options.target().map(|(error, _)| error),
         measure,
-        pilot: match sampling.method {
-            Method::Gather => PILOT_SAMPLES,
-            _ => 0,
-        },
         reference: reference.as_ref().map(|image| &image.means[..]),
         interrupt: Some(&interrupt),
         clock: None,

@@ -223,21 +223,6 @@ fn an_explanation_says_which_method_and_why() {
     assert!(coarse.starts_with("method       reference: a"), "{coarse}");
 }
 
-/// In the open nothing is left to chance: 3 / (N (N + m) P) decides alone,
-/// and only a gather has a pilot of m = 8 samples.
-#[test]
-fn the_pilot_of_a_gather_counts_when_an_error_is_asked_for() {
-    let place = Scratch::new();
-    let far = "v -99 -99 0\nv 99 -99 0\nv 99 99 0\nv -99 99 0\nf 1 2 3 4\n";
-    place.put("plane.obj", far);
-    for (method, n) in [("gather", 4), ("sobol", 7)] {
-        let view = "plane.obj -p0,-1,3 -t0,0,0 -r0.5 -d32x24 --error=0.01";
-        let files = "-qf -oa.pfm --report=r.json";
-        place.done(&format!("{view} {files} --integrator={method}"));
-        assert_eq!(place.json("r.json")["spp"], n, "{method}");
-    }
-}
-
 /// A room is dark, so that few samples have a small error and no thorough
 /// hierarchy pays for them; seen from outside, a sample says less.
 #[test]

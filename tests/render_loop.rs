@@ -351,17 +351,6 @@ fn a_run_stops_when_its_error_can_be_believed() {
     }
 }
 
-/// A pilot has not seen the event either: 3 / (N (N + 8) P).
-#[test]
-fn a_pilot_counts_among_what_has_been_seen() {
-    for (error, size, n) in [(1e-2, (8, 8), 19), (1e-3, (30, 30), 54)] {
-        let limit = Limits { error: Some(error), pilot: 8, ..limits() };
-        let (convergence, ..) =
-            run(&mut job(Draw(|_| 0.), 2), size, &limit);
-        assert_eq!(convergence.spp, n);
-    }
-}
-
 /// A weight is `high` with the probability `p`, otherwise 0. Without the guard
 /// against events unseen the second case would be wrong, and the first even
 /// without the minimum of a thousand paths.
