@@ -43,7 +43,7 @@ NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
 MAP = $(NOWEB) map litpt.nw noweb/noweb.nw --
 
 SOURCES := src/.tangled $(NOWEB_SOURCES) config.mk build.rs \
-  $(wildcard Cargo.lock src/*.rs src/*/*.rs src/*/*/*.rs)
+  $(wildcard Cargo.lock src/*.rs src/*/*.rs src/*/*/*.rs view/Cargo.toml view/src/*)
 
 # The view of the courtyard.
 CAMERA = -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -F 70
@@ -53,7 +53,7 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty \
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin mpi test-mpi install uninstall demo test clippy pdf html check prose boot chunk untangle watch \
+.PHONY: help bin view mpi test-mpi install uninstall demo test clippy pdf html check prose boot chunk untangle watch \
   clean check-tex
 .DELETE_ON_ERROR:
 
@@ -62,7 +62,8 @@ help:
 	@echo 'make test    run all tests (needs Rust and make only; WITH_MPI=1: of pt-mpi too)'
 	@echo 'make pdf     make the books, $(BUILD_DIR)/*.pdf (needs LaTeX)'
 	@echo 'make html    make the books for browsers, $(BUILD_DIR)/html (needs pandoc and lunr)'
-	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
+	@echo 'make bin     build the programs pt, ptimg and ptview in $(BUILD_DIR)'
+	@echo 'make view    turn the courtyard in the browser'
 	@echo 'make mpi     build build/pt-mpi for clusters (needs MPI); make test-mpi'
 	@echo 'make install put them, man pages and completions below PREFIX=/usr/local'
 	@echo 'make uninstall  remove what install has put there'
@@ -119,13 +120,13 @@ endef
 
 PROGRAMS := $(BUILD_DIR)/programs.$(BUILD_TYPE)
 $(PROGRAMS): $(SOURCES)
-	$(call BUILD,pt ptimg,$(basename $@))
+	$(call BUILD,pt ptimg ptview,$(basename $@))
 
-$(BUILD_DIR)/pt $(BUILD_DIR)/ptimg: $(PROGRAMS)
+$(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(BUILD_DIR)/ptview: $(PROGRAMS)
 	@test -x $@ || { rm -f $<; \
 	  $(MAKE) --no-print-directory BUILD_TYPE=$(BUILD_TYPE) $<; }
 
-bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg
+bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(BUILD_DIR)/ptview
 
 # The program on many processes. It needs an MPI library, and libclang to read
 # its headers: apt-get install libopenmpi-dev openmpi-bin libclang-dev.
@@ -152,8 +153,8 @@ $(BOOK): $(BOOK).$(BUILD_TYPE)
 # What is installed below PREFIX: the programs, their manual pages, and
 # completions for three shells. DESTDIR goes before it, for packagers.
 PREFIX = /usr/local
-PAGES = pt ptimg $(addprefix ptimg-,info tonemap rgb diff merge stderr)
-INSTALLED = $(PAGES:%=share/man/man1/%.1) $(foreach name,pt ptimg,bin/$(name) \
+PAGES = pt ptimg ptview $(addprefix ptimg-,info tonemap rgb diff merge stderr)
+INSTALLED = $(PAGES:%=share/man/man1/%.1) $(foreach name,pt ptimg ptview,bin/$(name) \
   share/bash-completion/completions/$(name) share/zsh/site-functions/_$(name) \
   share/fish/vendor_completions.d/$(name).fish)
 
@@ -168,7 +169,7 @@ install: bin $(BUILD_DIR)/share
 	    "$(DESTDIR)$(PREFIX)/$$name" ;; \
 	  *) install -D -m 644 $(BUILD_DIR)/$$name \
 	    "$(DESTDIR)$(PREFIX)/$$name" ;; esac || exit 1; done
-	@echo 'pt and ptimg lie in $(DESTDIR)$(PREFIX)/bin.'
+	@echo 'pt, ptimg and ptview lie in $(DESTDIR)$(PREFIX)/bin.'
 
 uninstall:
 	cd '$(DESTDIR)$(PREFIX)' && rm -f $(INSTALLED)
@@ -184,6 +185,9 @@ demo: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 	  -o $(BUILD_DIR)/courtyard.pgm -o $(BUILD_DIR)/courtyard.png -f
 	@echo 'The image lies in $(BUILD_DIR)/courtyard.png,'
 	@echo 'and as PGM in $(BUILD_DIR)/courtyard.pgm.'
+
+view: $(BUILD_DIR)/pt $(BUILD_DIR)/ptview $(BUILD_DIR)/courtyard.obj
+	$(BUILD_DIR)/ptview $(BUILD_DIR)/courtyard.obj $(CAMERA) -r 0.8
 
 # ---- the book
 

@@ -18,7 +18,8 @@ mod traverser;
 mod triangle;
 mod wide;
 
-pub use ground::{GROUND, Ground};
+pub use ground::GROUND;
+use ground::Ground;
 pub use intersector::{BEAM, Batch, Dispatch, Hit, Intersector};
 pub use spawn::{is_within, lifted, too_small};
 pub use triangle::NONE;
@@ -158,8 +159,10 @@ impl Bvh {
 }
 
 impl Bvh {
-    /// The same scene above a ground.
-    pub fn above(mut self, ground: Option<Ground>) -> Self {
+    /// Puts a ground below the scene, given the unit vector to the zenith, or
+    /// takes it away.
+    pub fn set_ground(&mut self, zenith: Option<DVec3>) {
+        let ground = zenith.map(|zenith| Ground::under(self, zenith));
         match &mut self.0 {
             #[cfg(target_arch = "x86_64")]
             Form::Avx512(traverser) => traverser.ground = ground,
@@ -167,7 +170,6 @@ impl Bvh {
             Form::Avx2(traverser) => traverser.ground = ground,
             Form::Portable(traverser) => traverser.ground = ground,
         }
-        self
     }
 
     /// Whether there is a ground.

@@ -191,7 +191,8 @@ impl Filter {
         };
         let mut best = (part.clone(), judge(&part, &part, 1.));
         let mut now = part;
-        for level in 0..5 {
+        let is_zero = now.iter().all(|halves| *halves == Vec2::ZERO);
+        for level in 0..if is_zero { 0 } else { 5 } {
             let next = smooth(&now, self.width, 1 << level, &belongs);
             for share in [0.25, 0.5, 0.75, 1.] {
                 let error = judge(&now, &next, share);

@@ -160,9 +160,10 @@ impl<'a> PathTracer<'a> {
 /// A path of the path tracer.
 #[derive(Clone, Copy, Debug)]
 pub struct PathState {
-    throughput: f64,
+    /// How much of the radiance that comes along the ray reaches the image.
+    pub throughput: f64,
     /// How many bounces there were.
-    count: u64,
+    pub count: u64,
     /// Where its ray goes.
     direction: DVec3,
     /// What the control variate adds to its contribution.

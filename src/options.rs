@@ -517,6 +517,23 @@ pub fn is_dash(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
+/// Turns a scene in the browser, and finds the options of pt for a view.
+#[derive(Parser)]
+#[command(name = "ptview", version, after_help = LICENCE)]
+pub struct ViewOptions {
+    /// Wavefront OBJ, also .gz or .zst
+    #[arg(value_name = "FILE")]
+    pub scene: PathBuf,
+
+    /// Options of pt that say what is shown, as -r 0.7 --sky overcast
+    #[arg(
+        value_name = "OPTIONS",
+        trailing_var_arg = true,
+        allow_hyphen_values = true
+    )]
+    pub words: Vec<String>,
+}
+
 impl Options {
     /// Parses the words of a command, the first of which is its name.
     ///

@@ -22,7 +22,7 @@ use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::analysis::{Finding, LitView, SHORTCUTS, SceneAnalysis};
-use crate::bvh::{Bvh, Ground, Quality, too_small};
+use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, Viewpoint, direction, typed};
 use crate::compare::disagreements;
 use crate::compare::display::Exposure;
@@ -43,7 +43,8 @@ use crate::render::choose::{Setup, expected_rays};
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
 use crate::report::{Kind, Report, SceneFile};
 use crate::run_output::{Product, RunOutput, attributes};
-use crate::scene::{MarkKind, Mesh, Scene, begins_obj, read_file};
+use crate::scene::{Frame, MarkKind, Mesh, Scene};
+use crate::scene::{begins_obj, read_file};
 use crate::sensor::table::{Shape, Table, TableFormat};
 use crate::sensor::{Sensor, read_points};
 use crate::sky::{Cover, Sky};
@@ -416,7 +417,11 @@ fn read_reference(options: &Options) -> Result<Option<Image>, String> {
     Ok(Some(image))
 }
 
-fn start_threads(options: &Options) -> Result<(), String> {
+/// Starts as many threads as the options say.
+///
+/// # Errors
+/// The system refuses them.
+pub fn start_threads(options: &Options) -> Result<(), String> {
     let threads = options.threads.unwrap_or(0) as usize;
     let pool = ThreadPoolBuilder::new().num_threads(threads);
     pool.build_global().map_err(|e| format!("cannot start threads: {e}"))
@@ -443,74 +448,31 @@ fn load(
     reference: Option<&Image>,
     ranks: &dyn Ranks,
 ) -> Result<Loaded, String> {
+    let mesh = parse(options, &bytes)?;
+    // Hash the bytes if a file will name them
+    let is_named = is_named || reference.is_some();
+    let hash = is_named.then(|| sha256(&bytes));
+    let sha256 = hash.unwrap_or_default();
+    drop(bytes);
+    prepare(options, (mesh, sha256), &points, reference, ranks)
+}
+
+/// Prepares a mesh whose bytes have this hash.
+fn prepare(
+    options: &Options,
+    (mesh, sha256): (Mesh, String),
+    points: &[u8],
+    reference: Option<&Image>,
+    ranks: &dyn Ranks,
+) -> Result<Loaded, String> {
     let file = options.input_name();
-    let step = step(format!("parsing {file}"), None);
-    let read = read_file(&bytes).map_err(|error| format!("{file}{error}"));
-    drop(step);
-    let (mesh, warnings) = read?;
-    // Warn of what is odd
-    for warning in warnings {
-        progress::warn(&format!("{file}{warning}"));
-    }
-    // Find the albedos of the faces
-    let named_albedos = options.named_albedos();
-    let band = options.band;
-    let mut named = Named { named_albedos, band, ..Named::default() };
-    let ignored = names(&mesh.marks, MarkKind::Material).count();
-    if options.materials && ranks.place().0 > 0 {
-        named.materials = hear(ranks)?.unwrap_or_default();
-    } else if options.materials {
-        let folder = options.scene_file().and_then(Path::parent);
-        let folder = folder.unwrap_or(Path::new(""));
-        let odd;
-        (named.materials, odd) =
-            libraries(&mesh.marks, folder, options.band)?;
-        tell(ranks, &named.materials);
-        odd.iter()
-            .for_each(|odd| progress::warn(&format!("{file}: {odd}")));
-    } else if ignored > 0 && named.named_albedos.is_empty() {
-        let albedo = options.albedo();
-        progress::warn(&format!(
-            "{file}: {ignored} materials are ignored: every surface has the \
-             albedo {albedo} (--materials)"
-        ));
-    }
+    let named = albedos_by_name(options, &mesh, ranks)?;
     let albedos = FaceAlbedos::new(&mesh.marks, &named, options.albedo())
         .map_err(|error| format!("{file}{error}"))?;
-    // Say what is shown
-    let &Options { resolution, crop, ground, .. } = options;
-    let albedo = options.albedo();
-    let mut view = options.view();
-    let zenith = match options.zenith {
-        None => Sky::new(view.up).zenith,
-        Some(zenith) => Sky::with(zenith, Cover::Uniform).zenith,
-    };
-    if options.zenith.is_some() && view.up == DVec3::Z {
-        view.up = zenith;
-    }
-    if !options.has_camera() {
-        let from = options.viewpoint.unwrap_or(Viewpoint::Iso);
-        let corners = mesh.triangles.iter().flatten();
-        let points = corners.map(|&i| &mesh.vertices[i as usize]);
-        let outside =
-            view.outside(from, zenith, points, aspect(resolution));
-        view = outside.unwrap_or(view);
-    }
-    let behind = options.background;
-    let light = Sky { behind, ..Sky::with(zenith, options.sky) };
-    let sky = (light != Sky::new(view.up)).then_some(light);
+    let mut subject = subject(options, &mesh, named);
     let (receivers, table) =
-        asked(options, &points, &mesh, &albedos)?.unzip();
-    let subject = Subject {
-        resolution,
-        crop,
-        view,
-        albedo,
-        named,
-        sky,
-        ground,
-        receivers,
-    };
+        asked(options, points, &mesh, &albedos)?.unzip();
+    subject.receivers = receivers;
     // Say where the camera stands
     if !options.has_camera() && !options.has_receivers() {
         let View { position, target, up, .. } = subject.view;
@@ -521,11 +483,6 @@ fn load(
         }
         progress::inform(&format!("the camera stands outside: {options}"));
     }
-    // Hash the bytes if a file will name them
-    let is_named = is_named || reference.is_some();
-    let hash = is_named.then(|| sha256(&bytes));
-    let sha256 = hash.unwrap_or_default();
-    drop(bytes);
     // Begin a report of the scene
     let triangles = mesh.triangles.len() as u64;
     let mut report = Report::default();
@@ -550,16 +507,24 @@ fn load(
         }
     }
     let scene = Scene::of(mesh);
-    // Say what starts the samples
     let sensor = match &table {
         Some(table) => Sensor::Receivers(table.receivers(&scene)),
-        None => {
-            let camera = Camera::new(&subject.view, aspect(resolution))?;
-            let entrance = scene.frame.entrance(camera.position);
-            Sensor::Camera(camera, entrance)
-        }
+        None => camera(&subject, &scene.frame)?,
     };
     Ok(Loaded { scene, subject, report, albedos, sensor, table })
+}
+
+/// Parses the mesh of a scene, and warns of what is odd.
+fn parse(options: &Options, bytes: &[u8]) -> Result<Mesh, String> {
+    let file = options.input_name();
+    let step = step(format!("parsing {file}"), None);
+    let read = read_file(bytes).map_err(|error| format!("{file}{error}"));
+    drop(step);
+    let (mesh, warnings) = read?;
+    for warning in warnings {
+        progress::warn(&format!("{file}{warning}"));
+    }
+    Ok(mesh)
 }
 
 /// The receivers that are asked for, if any, and their table.
@@ -590,6 +555,79 @@ fn asked(
     };
     let albedos = options.radiosity.then(|| albedos.clone());
     Ok(Some((asked, Table { shape, vertices, triangles, albedos })))
+}
+
+/// The camera of what is shown.
+fn camera(subject: &Subject, frame: &Frame) -> Result<Sensor, String> {
+    let camera = Camera::new(&subject.view, aspect(subject.resolution))?;
+    let entrance = frame.entrance(camera.position);
+    Ok(Sensor::Camera(camera, entrance))
+}
+
+/// The albedos that have names.
+fn albedos_by_name(
+    options: &Options,
+    mesh: &Mesh,
+    ranks: &dyn Ranks,
+) -> Result<Named, String> {
+    let (file, band) = (options.input_name(), options.band);
+    let named_albedos = options.named_albedos();
+    let mut named = Named { named_albedos, band, ..Named::default() };
+    let ignored = names(&mesh.marks, MarkKind::Material).count();
+    if options.materials && ranks.place().0 > 0 {
+        named.materials = hear(ranks)?.unwrap_or_default();
+    } else if options.materials {
+        let folder = options.scene_file().and_then(Path::parent);
+        let folder = folder.unwrap_or(Path::new(""));
+        let odd;
+        (named.materials, odd) =
+            libraries(&mesh.marks, folder, options.band)?;
+        tell(ranks, &named.materials);
+        odd.iter()
+            .for_each(|odd| progress::warn(&format!("{file}: {odd}")));
+    } else if ignored > 0 && named.named_albedos.is_empty() {
+        let albedo = options.albedo();
+        progress::warn(&format!(
+            "{file}: {ignored} materials are ignored: every surface has the \
+             albedo {albedo} (--materials)"
+        ));
+    }
+    Ok(named)
+}
+
+/// What is shown of a mesh by a camera.
+fn subject(options: &Options, mesh: &Mesh, named: Named) -> Subject {
+    let &Options { resolution, crop, ground, .. } = options;
+    let (albedo, receivers) = (options.albedo(), None);
+    let mut view = options.view();
+    let zenith = match options.zenith {
+        None => Sky::new(view.up).zenith,
+        Some(zenith) => Sky::with(zenith, Cover::Uniform).zenith,
+    };
+    if options.zenith.is_some() && view.up == DVec3::Z {
+        view.up = zenith;
+    }
+    if !options.has_camera() {
+        let from = options.viewpoint.unwrap_or(Viewpoint::Iso);
+        let corners = mesh.triangles.iter().flatten();
+        let points = corners.map(|&i| &mesh.vertices[i as usize]);
+        let outside =
+            view.outside(from, zenith, points, aspect(resolution));
+        view = outside.unwrap_or(view);
+    }
+    let behind = options.background;
+    let light = Sky { behind, ..Sky::with(zenith, options.sky) };
+    let sky = (light != Sky::new(view.up)).then_some(light);
+    Subject {
+        resolution,
+        crop,
+        view,
+        albedo,
+        named,
+        sky,
+        ground,
+        receivers,
+    }
 }
 
 /// The bytes of a file or of standard input.
@@ -632,12 +670,19 @@ fn names_the_scene((product, _): &(Product, OutputTarget)) -> bool {
 const TILE_SEARCH: f64 = 3e-6;
 
 /// What is shown of a scene, what is found about it, and its hierarchy.
-struct World {
-    subject: Subject,
+pub struct World {
+    /// What is shown.
+    pub subject: Subject,
     report: Report,
-    sensor: Sensor,
+    /// What starts the samples.
+    pub sensor: Sensor,
     albedos: AlbedoTable,
-    bvh: Bvh,
+    /// The map from the coordinates of the file.
+    pub frame: Frame,
+    /// The hierarchy.
+    pub bvh: Bvh,
+    /// The faces that the scene has left out.
+    pub left_out: [Vec<u32>; 2],
     analysis: SceneAnalysis,
     /// What the values of receivers are written with.
     table: Option<Table>,
@@ -645,11 +690,54 @@ struct World {
 
 impl World {
     /// What the renderers see.
-    fn view(&self) -> LitView<'_> {
+    pub fn view(&self) -> LitView<'_> {
         let Self { subject, sensor, albedos, .. } = self;
         let surfaces = Surfaces::new(albedos, subject.ground);
         let (sky, resolution) = (subject.light(), subject.resolution);
         LitView { sensor, sky, surfaces, resolution }
+    }
+}
+
+impl World {
+    /// Reads a scene, to be shown in several ways.
+    ///
+    /// # Errors
+    /// The scene cannot be read, or the options do not suit it.
+    pub fn open(options: &Options) -> Result<(Mesh, Self), String> {
+        let scene = options.scene_file().unwrap_or(Path::new("-"));
+        let mut options = options.clone();
+        (options.error, options.samples) = (None, Some(64));
+        let mesh = parse(&options, &read(scene, true)?)?;
+        let named = (mesh.clone(), String::new());
+        let loaded = prepare(&options, named, &[], None, &Alone)?;
+        Ok((mesh, build(loaded, &options, &Alone)?))
+    }
+
+    /// Shows the scene, of which this is the mesh, as other options say.
+    ///
+    /// # Errors
+    /// The options do not suit the scene; it is shown as before.
+    pub fn show(
+        &mut self,
+        options: &Options,
+        mesh: &Mesh,
+    ) -> Result<(), String> {
+        let named = albedos_by_name(options, mesh, &Alone)?;
+        let new = subject(options, mesh, named);
+        let sensor = camera(&new, &self.frame)?;
+        let old = &self.subject;
+        if (old.albedo, &old.named) != (new.albedo, &new.named) {
+            let marks = &mesh.marks;
+            let faces = FaceAlbedos::new(marks, &new.named, new.albedo)?;
+            self.albedos = AlbedoTable::new(&faces, &self.bvh)?;
+        }
+        let zenith =
+            |s: &Subject| s.ground.is_some().then(|| s.light().zenith);
+        if zenith(old) != zenith(&new) {
+            self.bvh.set_ground(zenith(&new));
+        }
+        (self.subject, self.sensor) = (new, sensor);
+        Ok(())
     }
 }
 
@@ -672,7 +760,7 @@ fn build(
         true => &["background"],
         false => &[],
     };
-    let Scene { triangles, left_out, .. } = scene;
+    let Scene { frame, triangles, left_out } = scene;
     // Guess the rays of this process
     let tiles = subject.window();
     let tiles = tiles.band(
@@ -707,14 +795,13 @@ fn build(
              or 2^-43 of the scene: close to larger ones the light may be wrong"
         ));
     }
-    let zenith = subject.light().zenith;
-    let ground = subject.ground.map(|_| Ground::under(&triangles, zenith));
     // Build the hierarchy and show how far it is
     let step = step("building the hierarchy".into(), Some(all as u64));
     let placed = |count: usize| step.set_position(count as u64);
     let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
-    let bvh = bvh.map_err(|e| e.to_string())?.above(ground);
+    let mut bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
+    bvh.set_ground(subject.ground.map(|_| subject.light().zenith));
     let albedos = AlbedoTable::new(&albedos, &bvh)?;
     // Settle the receivers
     if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor) {
@@ -735,10 +822,19 @@ fn build(
         }
     }
     let analysis = SceneAnalysis::default();
-    let mut world =
-        World { subject, report, sensor, albedos, bvh, analysis, table };
-    let World { bvh, .. } = &world;
-    let analysis = SceneAnalysis::find(&left_out, bvh, &world.view(), kept);
+    let mut world = World {
+        subject,
+        report,
+        sensor,
+        albedos,
+        frame,
+        bvh,
+        left_out,
+        analysis,
+        table,
+    };
+    let World { bvh, left_out, .. } = &world;
+    let analysis = SceneAnalysis::find(left_out, bvh, &world.view(), kept);
     let report = &mut world.report;
     report.left_out = analysis.left_out().cloned().collect();
     let quality = quality.to_string();

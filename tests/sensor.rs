@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use std::fmt::Write;
 
 use glam::DVec3;
-use litpt::bvh::{Bvh, GROUND, Ground, Intersector, NONE};
+use litpt::bvh::{Bvh, GROUND, Intersector, NONE};
 use litpt::materials::{FaceAlbedos, Named};
 use litpt::sampler::generator;
 use litpt::scene::{MarkKind, Mesh, Ray, Scene, read_obj};
@@ -707,8 +707,8 @@ fn the_faces_of_a_street_see_what_rays_among_boxes_see() {
 #[test]
 fn what_is_visible_above_a_ground_is_what_is_hit_first() {
     let scene = Scene::new(&cavity(0.5, 16));
-    let ground = Ground::under(&scene.triangles, DVec3::Z);
-    let bvh = Bvh::new(&scene).unwrap().above(Some(ground));
+    let mut bvh = Bvh::new(&scene).unwrap();
+    bvh.set_ground(Some(DVec3::Z));
     let (mut random, mut met) = (generator(3, 0, 0), [0; 3]);
     for i in 0..3000 {
         let mut point =

@@ -5,8 +5,9 @@
 
 use glam::DVec3;
 
+use super::Bvh;
 use super::intersector::Hit;
-use crate::scene::{Ray, Triangles};
+use crate::scene::Ray;
 
 /// Stands for the ground in the place of a triangle; what is larger stands
 /// for no surface.
@@ -26,13 +27,14 @@ const FARTHEST: f64 = (1u64 << 32) as f64;
 const BELOW: f64 = 1. / (1u64 << 16) as f64;
 
 impl Ground {
-    /// The ground under triangles in the coordinates of a scene, given the
-    /// unit vector to the zenith.
-    pub fn under(triangles: &Triangles, zenith: DVec3) -> Self {
-        let corners = triangles.corners.iter().flatten();
-        let heights =
-            corners.map(|&i| zenith.dot(triangles.vertices[i as usize]));
-        let lowest = heights.fold(f64::INFINITY, f64::min);
+    /// The ground under the triangles of a hierarchy, given the unit vector
+    /// to the zenith.
+    pub fn under(bvh: &Bvh, zenith: DVec3) -> Self {
+        let mut lowest = f64::INFINITY;
+        bvh.for_each(|_, corners| {
+            let heights = corners.map(|corner| zenith.dot(corner));
+            lowest = heights.into_iter().fold(lowest, f64::min);
+        });
         Self { zenith, height: lowest - BELOW }
     }
 

@@ -59,6 +59,11 @@ impl Frame {
         whole + shift(lost, self.exponent - k)
     }
 
+    /// Where the point `q` of the scene lies in the file, about.
+    pub fn back(&self, q: DVec3) -> DVec3 {
+        (shift(q + self.half, -self.exponent) + self.low) / self.part
+    }
+
     /// Along which axes the map rounds the place of `p`.
     pub fn rounds(&self, p: DVec3) -> BVec3 {
         let p = p * self.part;

@@ -1,7 +1,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! The manual pages and completions of `pt` and `ptimg`, from the
+//! The manual pages and completions of `pt`, `ptimg` and `ptview`, from the
 //! declarations of their options: `manuals DIRECTORY` writes them where
 //! `make install` wants them below a prefix.
 
@@ -10,6 +10,7 @@ use std::path::Path;
 
 use clap::{Command, CommandFactory};
 use clap_complete::{Shell, generate};
+use litpt::options::{Options, ViewOptions};
 
 use super::Done;
 
@@ -28,8 +29,11 @@ const SHELLS: [(Shell, &str, &str); 3] = [
 pub fn run(arguments: &[String]) -> Done {
     let directory = arguments.first().ok_or("usage: manuals DIRECTORY")?;
     let share = Path::new(directory);
-    let commands =
-        [litpt::options::Options::command(), ptimg::Arguments::command()];
+    let commands = [
+        Options::command(),
+        ptimg::Arguments::command(),
+        ViewOptions::command(),
+    ];
     for command in commands {
         for (shell, before, after) in SHELLS {
             let name = command.get_name();

@@ -1,0 +1,790 @@
+// Tangled from chapters/view.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The command `ptview`: turns a scene in the browser.
+//!
+//! The main thread answers requests, another one renders what is wanted, and
+//! one for each open page sends it what is rendered.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, RwLock};
+use std::time::{Duration, Instant};
+use std::{env, mem, thread};
+
+use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::analysis::{LitView, SceneAnalysis};
+use litpt::bvh::{GROUND, Hit};
+use litpt::camera::{View, typed};
+use litpt::compare::display::Exposure;
+use litpt::film::{Film, WORTH, Watch};
+use litpt::filter::{Filtered, FirstHits};
+use litpt::integrator::gather::Learnt;
+use litpt::integrator::gather::cache::RadianceCache;
+use litpt::integrator::{Alone, Integrator, PathEvent, PathState};
+use litpt::integrator::{PathTracer, Renderer};
+use litpt::options::{Error, Options, ViewOptions, parse_words};
+use litpt::progress;
+use litpt::render::Job;
+use litpt::render::choose::{self, Method, Sampling, Setup};
+use litpt::render_loop::{Convergence, CurvePoint, Interrupt, Limits};
+use litpt::sampler::{IndependentSampler, Sampler};
+use litpt::scene::Mesh;
+use litpt::session::{World, fail, start_threads};
+use litpt::sky::Sky;
+use litpt::state::key::Subject;
+use serde_json::{Map, Value, json};
+use tempfile::TempDir;
+use tiny_http::{Header, Method as Verb, Request, Response, Server};
+
+/// What the pages want to see.
+struct Wanted {
+    settings: Settings,
+    /// How often it has changed.
+    number: u64,
+    /// Whether the scene is to be read again.
+    reads: bool,
+    /// Whether the program is to end.
+    ends: bool,
+}
+
+/// What pages are sent: an image, and the state of the view by name, each with
+/// how often it has changed.
+#[derive(Default)]
+struct Shown {
+    image: (u64, Arc<Vec<u8>>),
+    state: (u64, Map<String, Value>),
+}
+
+/// A scene, how it is looked at, and by whom.
+struct Viewer {
+    options: ViewOptions,
+    /// What the address begins with: the host, and a secret.
+    host: String,
+    token: String,
+    scene: RwLock<Option<(Mesh, World)>>,
+    wanted: Mutex<Wanted>,
+    changed: Condvar,
+    /// Stops the run that goes on.
+    interrupt: Interrupt,
+    shown: Mutex<Shown>,
+    fresh: Condvar,
+    /// The number of open pages.
+    pages: AtomicUsize,
+    render: Mutex<Option<Render>>,
+}
+
+/// A value that only one thread has.
+fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
+    value.lock().expect("no panic with the lock")
+}
+
+/// A kind of content, and the content.
+type Answer = (&'static str, Vec<u8>);
+
+/// What a stream begins with.
+const STREAM: &str = "HTTP/1.1 200 OK\r\n\
+    Content-Type: application/octet-stream\r\n\
+    Cache-Control: no-store\r\nConnection: close\r\n\r\n";
+
+/// A message of a stream: the lengths of its two parts, a text and numbers.
+fn message(text: &Value, numbers: &[u8]) -> Vec<u8> {
+    let text = text.to_string();
+    let lengths = [text.len(), numbers.len()].map(|n| n as u32);
+    let lengths = lengths.map(u32::to_le_bytes).concat();
+    [&lengths, text.as_bytes(), numbers].concat()
+}
+
+/// A run of pt that renders the view to files.
+struct Render {
+    pt: Child,
+    folder: TempDir,
+    /// Whether it goes on.
+    runs: bool,
+}
+
+/// The files of a render, and what it has said.
+const FILES: [&str; 4] =
+    ["image.png", "image.exr", "report.html", "report.json"];
+const LOG: &str = "log";
+
+fn main() -> ExitCode {
+    run().map_or_else(fail, |()| ExitCode::SUCCESS)
+}
+
+fn run() -> Result<(), Error> {
+    let (mut options, _) = parse_words::<ViewOptions>(env::args_os())?;
+    let interrupt = Interrupt::listen()
+        .map_err(|e| format!("cannot listen for signals: {e}"))?;
+    let settings = begin(&mut options.words);
+    // Make a viewer of the scene
+    let wanted = Wanted { settings, number: 1, reads: false, ends: false };
+    let mut viewer = Viewer {
+        options,
+        host: String::new(),
+        token: secret()
+            .map_err(|e| format!("cannot choose a secret: {e}"))?,
+        scene: RwLock::default(),
+        wanted: Mutex::new(wanted),
+        changed: Condvar::new(),
+        interrupt: Interrupt::default(),
+        shown: Mutex::default(),
+        fresh: Condvar::new(),
+        pages: AtomicUsize::new(0),
+        render: Mutex::default(),
+    };
+    let first =
+        Options::parse(viewer.words(&lock(&viewer.wanted).settings))?;
+    if first.has_receivers() {
+        let fault = "receivers have no image to be looked at";
+        return Err(fault.to_owned().into());
+    }
+    start_threads(&first)?;
+    viewer.scene = RwLock::new(Some(World::open(&first)?));
+    progress::hush();
+    // Serve a page on a free port of this machine
+    let server = Server::http("127.0.0.1:0")
+        .map_err(|e| format!("cannot serve a page: {e}"))?;
+    viewer.host = server.server_addr().to_string();
+    let address = format!("http://{}/{}/", viewer.host, viewer.token);
+    println!("{address}");
+    open_browser(&address);
+    let viewer = &viewer;
+    thread::scope(|scope| {
+        scope.spawn(|| viewer.work());
+        while interrupt.signal().is_none() {
+            let request = server.recv_timeout(Duration::from_millis(50));
+            // Pass on a request, if there is one
+            match request {
+                Ok(Some(request))
+                    if viewer.name_of(&request) == Some("stream") =>
+                {
+                    scope.spawn(|| viewer.stream(request));
+                }
+                Ok(Some(request)) => viewer.answer(request),
+                _ => (),
+            }
+            viewer.watch_render();
+        }
+        viewer.want(|wanted| wanted.ends = true);
+        viewer.stop_render();
+    });
+    Ok(())
+}
+
+/// So many random digits that nobody guesses them.
+fn secret() -> io::Result<String> {
+    let mut bytes = [0; 16];
+    File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+    Ok(format!("{:032x}", u128::from_ne_bytes(bytes)))
+}
+
+/// Opens a page if there is a display.
+fn open_browser(address: &str) {
+    let has = |name| env::var_os(name).is_some_and(|text| !text.is_empty());
+    let is_mac = cfg!(target_os = "macos");
+    if is_mac || has("DISPLAY") || has("WAYLAND_DISPLAY") {
+        let opener = if is_mac { "open" } else { "xdg-open" };
+        let mut command = Command::new(opener);
+        let command = command.arg(address).stdout(Stdio::null());
+        let _ = command.stderr(Stdio::null()).spawn();
+    }
+}
+
+/// Names of options of pt, and their values.
+type Settings = BTreeMap<String, String>;
+
+/// The options that a page sets.
+const SETTINGS: [&str; 11] = [
+    "-p", "-t", "-u", "-F", "-d", "-r", "--view", "--sky", "--zenith",
+    "--ground", "--error",
+];
+
+/// The settings with which a view begins, which are taken out of the words.
+fn begin(words: &mut Vec<String>) -> Settings {
+    let mut settings = Settings::from([("-d".into(), "640x480".into())]);
+    let mut typed = mem::take(words).into_iter().peekable();
+    while let Some(word) = typed.next() {
+        let parts = word.split_once('=');
+        let name = parts.map_or(&*word, |(name, _)| name);
+        let is_ours = SETTINGS.contains(&name);
+        let value = parts.map(|(_, value)| value.to_owned());
+        let follows = |next: &String| is_ours && !next.contains('=');
+        match value.or_else(|| typed.next_if(follows)) {
+            Some(value) if is_ours => {
+                settings.insert(name.to_owned(), value);
+            }
+            _ => words.push(word),
+        }
+    }
+    settings
+}
+
+impl Viewer {
+    /// The words of pt for a view with these settings.
+    fn words(&self, settings: &Settings) -> Vec<OsString> {
+        let ViewOptions { scene, words } = &self.options;
+        let begin = ["pt".into(), scene.clone().into()];
+        let typed = words.iter().map(OsString::from);
+        let set = settings.iter().map(|(name, value)| {
+            let between = if name.starts_with("--") { "=" } else { "" };
+            OsString::from(format!("{name}{between}{value}"))
+        });
+        begin.into_iter().chain(typed).chain(set).collect()
+    }
+
+    /// The options of pt for these settings.
+    fn options(&self, settings: &Settings) -> Result<Options, String> {
+        Options::parse(self.words(settings)).map_err(|error| match error {
+            Error::Usage(fault) | Error::Failure(fault) => fault,
+            Error::Help(_) => "help is not a view".to_owned(),
+        })
+    }
+}
+
+/// The page, its style and its program.
+const PAGE: [&str; 3] = [
+    include_str!("page.html"),
+    include_str!("view.css"),
+    include_str!("view.js"),
+];
+
+/// No other site may read what we send, show it, or add to it.
+const HEADERS: [&str; 4] = [
+    "Content-Security-Policy: default-src 'self'; img-src 'self' data:; \
+     frame-ancestors 'none'",
+    "Cache-Control: no-store",
+    "Referrer-Policy: no-referrer",
+    "X-Content-Type-Options: nosniff",
+];
+
+/// Follows paths up to their second surface, and takes the radiance there from
+/// a cache, if there is one.
+struct Glance<'a> {
+    paths: PathTracer<'a>,
+    cache: Option<&'a RadianceCache>,
+}
+
+impl Integrator for Glance<'_> {
+    type Path = PathState;
+
+    fn is_black(&self) -> bool {
+        self.paths.is_black()
+    }
+
+    fn begin(&self, direction: DVec3) -> PathState {
+        self.paths.begin(direction)
+    }
+
+    fn advance(
+        &self,
+        path: &mut PathState,
+        hit: Option<Hit>,
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
+        match (self.cache, hit) {
+            (Some(cache), Some(hit)) if path.count == 1 => {
+                let cell = cache.at(cache.grid.name(hit.point, hit.normal));
+                let share = self.paths.surfaces.share(hit.primitive) as f32;
+                let value = f64::from(cell.of_share(share).value);
+                PathEvent::Terminate(path.throughput * value)
+            }
+            _ => self.paths.advance(path, hit, sampler),
+        }
+    }
+}
+
+/// What is known before a view is rendered.
+#[derive(Default)]
+struct Guess {
+    /// Seconds for a sample of a pixel of a small image.
+    pace: f64,
+    /// The mean radiance of an image.
+    mean: f64,
+    /// What a gather has learnt last.
+    learnt: Arc<OnceLock<Learnt>>,
+}
+
+impl Guess {
+    /// Learns the radiance of a scene, roughly.
+    fn learn(&self, world: &World) {
+        let (bvh, view) = (&world.bvh, &small(world, 8));
+        let analysis = &SceneAnalysis::default();
+        let setup = Setup { intersector: bvh, view, analysis };
+        let size = view.resolution;
+        let sampling = Sampling::new(Method::Gather, 0, Some(1), size);
+        let film = Film::new(size.0, size.1).with_shared_tiles();
+        let learnt = Arc::clone(&self.learnt);
+        setup.renderer(&sampling, learnt, &Alone).learn(&film, &|_| true);
+    }
+}
+
+/// The view of an image that is so many times smaller.
+fn small(world: &World, scale: u32) -> LitView<'_> {
+    let mut view = world.view();
+    let (width, height) = view.resolution;
+    view.resolution = ((width / scale).max(1), (height / scale).max(1));
+    view
+}
+
+impl Viewer {
+    /// Changes what is wanted, and stops the run that shows something else.
+    fn want(&self, change: impl FnOnce(&mut Wanted)) {
+        let mut wanted = lock(&self.wanted);
+        change(&mut wanted);
+        wanted.number += 1;
+        self.interrupt.0.store(1, Relaxed);
+        self.changed.notify_all();
+    }
+
+    /// Shows what is wanted, until the program ends.
+    fn work(&self) {
+        let (mut guess, mut done) = (Guess::default(), 0);
+        loop {
+            let idle = |wanted: &mut Wanted| {
+                let unseen = self.pages.load(Relaxed) == 0;
+                !wanted.ends && (wanted.number == done || unseen)
+            };
+            let wanted = self.changed.wait_while(lock(&self.wanted), idle);
+            let mut wanted = wanted.expect("no panic with the lock");
+            if wanted.ends {
+                return;
+            }
+            done = wanted.number;
+            let reads = mem::take(&mut wanted.reads);
+            let settings = wanted.settings.clone();
+            self.interrupt.0.store(0, Relaxed);
+            drop(wanted);
+            let shown = self.show(done, settings, reads, &mut guess);
+            shown.unwrap_or_else(|fault| {
+                self.tell(json!({ "fault": fault }))
+            });
+        }
+    }
+
+    /// Shows a view until another one is wanted, or its error is reached.
+    fn show(
+        &self,
+        number: u64,
+        mut settings: Settings,
+        reads: bool,
+        guess: &mut Guess,
+    ) -> Result<(), String> {
+        let options = self.options(&settings)?;
+        // Have the scene shown in this view
+        let read = reads.then(|| World::open(&options)).transpose()?;
+        let mut scene = self.scene.write().expect("no panic with the lock");
+        *scene = read.or(scene.take());
+        let (mesh, world) = scene.as_mut().ok_or("there is no scene")?;
+        let old = world.subject.clone();
+        world.show(&options, mesh)?;
+        let new = &world.subject;
+        if reads || (Subject { view: new.view, ..old }) != *new {
+            guess.learnt = Arc::default();
+        }
+        drop(scene);
+        let scene = self.scene.read().expect("no panic with the lock");
+        let (_, world) = scene.as_ref().ok_or("there is no scene")?;
+        self.settle(number, world, &options);
+        if guess.learnt.get().is_none() {
+            guess.learn(world);
+        }
+        // Glance at the view while it changes
+        let (width, height) = world.subject.resolution;
+        let seconds = guess.pace * (2 * width * height) as f64;
+        let scale = (15. * seconds).sqrt().ceil().clamp(4., 8.);
+        self.glance(world, guess, (scale as u32, 2), &|_| true);
+        let still = Duration::from_millis(200);
+        let same = |wanted: &mut Wanted| wanted.number == number;
+        let wanted = lock(&self.wanted);
+        drop(self.changed.wait_timeout_while(wanted, still, same));
+        let goes_on = |_| self.interrupt.signal().is_none();
+        if goes_on(0) {
+            self.glance(world, guess, (2, 4), &goes_on);
+        }
+        if lock(&self.render).as_ref().is_some_and(|render| render.runs)
+            || self.interrupt.signal().is_some()
+        {
+            return Ok(());
+        }
+        // Render to one per cent of the mean, unless an error is given
+        if options.error.is_none() {
+            let error = format!("{:.0e}", 0.01 * guess.mean.max(1e-9));
+            self.tell(json!({ "error": error }));
+            settings.insert("--error".into(), error);
+        }
+        self.look(world, &self.options(&settings)?, guess);
+        Ok(())
+    }
+
+    /// Puts where the camera stands and what is up into the settings, and tells
+    /// pages all of them.
+    fn settle(&self, number: u64, world: &World, options: &Options) {
+        let mut wanted = lock(&self.wanted);
+        let subject = &world.subject;
+        let View { position, target, up, fov } = subject.view;
+        let Sky { zenith, cover, .. } = subject.light();
+        if wanted.number == number {
+            let settings = &mut wanted.settings;
+            settings
+                .retain(|name, _| name != "--view" && name != "--zenith");
+            let own = (Sky::new(up).zenith != zenith)
+                .then(|| ("--zenith", typed(zenith)));
+            let vectors = [("-p", position), ("-t", target), ("-u", up)];
+            let vectors =
+                vectors.map(|(name, vector)| (name, typed(vector)));
+            let all = vectors.into_iter().chain(own);
+            let all = all.chain([("-F", fov.to_string())]);
+            settings.extend(all.map(|(name, value)| (name.into(), value)));
+        }
+        let (width, height) = subject.resolution;
+        let fields = json!({
+            "-r": subject.albedo, "--ground": subject.ground, "-F": fov,
+            "--sky": format!("{cover:?}").to_lowercase(),
+            "-d": format!("{width}x{height}"),
+        });
+        let state = json!({
+            "words": self.options.words, "settings": wanted.settings,
+            "scene": self.options.scene.display().to_string(),
+            "zenith": zenith.to_array(), "fields": fields, "fault": null,
+            "exposure": options.exposure, "number": wanted.number,
+        });
+        drop(wanted);
+        self.tell(state);
+    }
+
+    /// Shows what some samples give, for an image that is so many times smaller.
+    fn glance(
+        &self,
+        world: &World,
+        guess: &mut Guess,
+        (scale, spp): (u32, u64),
+        watch: &Watch,
+    ) {
+        let began = Instant::now();
+        let view = small(world, scale);
+        let paths = PathTracer::new(view.surfaces, view.sky);
+        let cache = guess.learnt.get().map(|learnt| &learnt.cache);
+        let mut job = Job {
+            sensor: view.sensor,
+            intersector: &world.bvh,
+            integrator: Glance { paths, cache },
+            known: KnownPixels::NOTHING,
+            sampler: IndependentSampler::new(0),
+        };
+        let (width, height) = view.resolution;
+        let mut film = Film::new(width, height).with_halves();
+        job.pass(&mut film, spp, watch);
+        if film.unsampled() == 0 {
+            guess.mean = film.summary().mean;
+            let hits = FirstHits::trace(&world.bvh, &view, film.window);
+            self.send_image(&film, &hits, true, json!({ "spp": spp }));
+            let samples = (film.area() * spp) as f64;
+            guess.pace = began.elapsed().as_secs_f64() / samples;
+        }
+    }
+
+    /// Shows the image of a run as it gets better.
+    fn look(&self, world: &World, options: &Options, guess: &mut Guess) {
+        let (view, bvh, subject) =
+            (&world.view(), &world.bvh, &world.subject);
+        let analysis =
+            &SceneAnalysis::find(&world.left_out, bvh, view, &[]);
+        let setup = Setup { intersector: bvh, view, analysis };
+        // Choose a method that shows something soon
+        let request = choose::Request {
+            method: options.integrator,
+            seed: options.seed,
+            window: subject.window(),
+            samples: Some(64),
+            error: None,
+            time: None,
+            left: None,
+        };
+        let (mut sampling, _) = setup.decide(&request, None);
+        let most = if sampling.method == Method::Gather { 1 } else { 4 };
+        sampling.replicate = sampling.replicate.min(most);
+        sampling.training = sampling.training.min(1 << 20);
+        let learnt = Arc::default();
+        let mut renderer =
+            setup.renderer(&sampling, Arc::clone(&learnt), &Alone);
+        let mut film = sampling.film(subject.resolution, subject.window());
+        if sampling.method != Method::Reference {
+            film = film.with_halves();
+        }
+        let hits = FirstHits::trace(bvh, view, film.window);
+        let target = options.target();
+        let limits = Limits {
+            samples: analysis.known.is_all().then_some(2),
+            error: target.map(|(error, _)| error),
+            measure: target.unwrap_or_default().1,
+            interrupt: Some(&self.interrupt),
+            ..Limits::default()
+        };
+        // Send an image after each step
+        let mut due = Instant::now();
+        let mut send = |run: &Convergence, film: &Film, is_last: bool| {
+            let began = Instant::now();
+            let is_step = run.last().spp == run.spp && began >= due;
+            if film.unsampled() == 0 && (is_step || is_last) {
+                let known =
+                    |p: &CurvePoint| Some((p.seconds, p.rmse? / p.mean));
+                let curve: Vec<_> =
+                    run.curve.iter().filter_map(known).collect();
+                let method = sampling.method.to_string();
+                let about = json!({
+                    "spp": run.spp, "curve": curve, "method": method,
+                    "done": is_last,
+                });
+                self.send_image(film, &hits, false, about);
+                due = Instant::now() + 4 * began.elapsed();
+            }
+        };
+        let mut run = Convergence::default();
+        let mut after =
+            |run: &Convergence, film: &Film| send(run, film, false);
+        run.run(&mut *renderer, &mut film, &limits, &|_| (), &mut after);
+        if self.interrupt.signal().is_none() {
+            send(&run, &film, true);
+        }
+        if learnt.get().is_some() {
+            guess.learnt = learnt;
+        }
+    }
+
+    /// Sends an image, and what is said about it.
+    fn send_image(
+        &self,
+        film: &Film,
+        hits: &FirstHits,
+        moves: bool,
+        mut about: Value,
+    ) {
+        let filtered = Filtered::of(film, hits);
+        let means: Vec<f64> = film.means().collect();
+        let mut numbers =
+            filtered.map_or_else(|| means.clone(), |it| it.image.means);
+        let stops = Exposure::Auto.stops(hits.of_surfaces(film.means()));
+        let (width, height) = film.window.size;
+        about["stops"] = stops.into();
+        about["size"] = json!([width, height]);
+        about["moves"] = moves.into();
+        if !moves {
+            numbers.extend(means);
+            numbers.extend(film.errors(WORTH, film.window));
+        }
+        let numbers = numbers.iter().map(|x| (*x as f32).to_le_bytes());
+        let bytes = message(&about, &numbers.collect::<Vec<_>>().concat());
+        let mut shown = lock(&self.shown);
+        shown.image = (shown.image.0 + 1, Arc::new(bytes));
+        self.fresh.notify_all();
+    }
+
+    /// Tells all pages what has changed of the state of the view.
+    fn tell(&self, state: Value) {
+        let mut shown = lock(&self.shown);
+        if let Value::Object(state) = state {
+            shown.state.1.extend(state);
+        }
+        shown.state.0 += 1;
+        self.fresh.notify_all();
+    }
+
+    /// Sends a page what is shown, until it is closed.
+    fn stream(&self, request: Request) {
+        if self.pages.fetch_add(1, Relaxed) == 0 {
+            self.want(|_| ());
+        }
+        let mut out = request.into_writer();
+        let (mut last, beat) = ((0, 0), Duration::from_millis(250));
+        let mut written = out.write_all(STREAM.as_bytes());
+        while written.is_ok() && !lock(&self.wanted).ends {
+            let same = |s: &mut Shown| (s.image.0, s.state.0) == last;
+            let shown = lock(&self.shown);
+            let waited = self.fresh.wait_timeout_while(shown, beat, same);
+            let (shown, _) = waited.expect("no panic with the lock");
+            let has_new =
+                [last.0 != shown.image.0, last.1 != shown.state.0];
+            last = (shown.image.0, shown.state.0);
+            let image = Arc::clone(&shown.image.1);
+            let state = has_new[1].then(|| shown.state.1.clone());
+            drop(shown);
+            let mut bytes = message(&json!({ "state": state }), &[]);
+            bytes.extend(image.iter().filter(|_| has_new[0]));
+            written = out.write_all(&bytes).and_then(|()| out.flush());
+        }
+        if self.pages.fetch_sub(1, Relaxed) == 1 {
+            self.interrupt.0.store(1, Relaxed);
+            self.stop_render();
+        }
+    }
+
+    /// What the address of a request names; nothing if it does not know the
+    /// secret, or was made for another host.
+    fn name_of<'r>(&self, request: &'r Request) -> Option<&'r str> {
+        let mut hosts = request.headers().iter();
+        let host = hosts.find(|header| header.field.equiv("Host"))?;
+        let host = host.value.as_str().replace("localhost", "127.0.0.1");
+        let name = request.url().strip_prefix('/')?;
+        let name = name.strip_prefix(&*self.token)?.strip_prefix('/')?;
+        (host == self.host).then_some(name)
+    }
+
+    /// Answers a request of a page.
+    fn answer(&self, mut request: Request) {
+        let mut body = String::new();
+        let mut limited = request.as_reader().take(1 << 16);
+        let is_text = limited.read_to_string(&mut body).is_ok();
+        let body: Value = serde_json::from_str(&body).unwrap_or_default();
+        let posts = *request.method() == Verb::Post && is_text;
+        let name = self.name_of(&request).unwrap_or("?");
+        let answer = match name {
+            "" => Some(("text/html", PAGE[0].into())),
+            "view.css" => Some(("text/css", PAGE[1].into())),
+            "view.js" => Some(("text/javascript", PAGE[2].into())),
+            _ if posts => self.act(name, &body),
+            _ => self.file(name),
+        };
+        let (kind, content) = answer.unwrap_or_default();
+        let status = if kind.is_empty() { 404 } else { 200 };
+        let mut response = Response::from_data(content);
+        let kind = format!("Content-Type: {kind}; charset=utf-8");
+        let headers = HEADERS.into_iter().chain([&*kind]);
+        for header in headers.filter_map(|text| text.parse::<Header>().ok())
+        {
+            response.add_header(header);
+        }
+        let _ = request.respond(response.with_status_code(status));
+    }
+
+    /// Does what a page asks for; nothing if it is unknown.
+    fn act(&self, name: &str, body: &Value) -> Option<Answer> {
+        let mut content = vec![];
+        match name {
+            "set" => self.set(body),
+            "pick" => content = self.pick(body).to_string().into_bytes(),
+            "render" => self.render(body),
+            "stop" => self.stop_render(),
+            _ => return None,
+        }
+        Some(("application/json", content))
+    }
+
+    /// Changes settings; a null takes one away.
+    fn set(&self, body: &Value) {
+        self.want(|Wanted { settings, reads, .. }| {
+            *reads |= body["read"] == true;
+            for name in SETTINGS {
+                match &body["set"][name] {
+                    Value::String(value) => {
+                        _ = settings.insert(name.into(), value.clone());
+                    }
+                    Value::Null if body["set"].get(name).is_some() => {
+                        settings.remove(name);
+                    }
+                    _ => (),
+                }
+            }
+        });
+    }
+
+    /// What a point of the image shows: where it is, and in which face; null if
+    /// it is the sky, or the scene is being changed.
+    fn pick(&self, body: &Value) -> Value {
+        let [x, y] =
+            ["x", "y"].map(|name| body[name].as_f64().unwrap_or(0.));
+        let look = |(_, world): &(Mesh, World)| {
+            let hit = world.sensor.start(&world.bvh, x, y).2?;
+            let face = || world.bvh.face(hit.primitive) + 1;
+            let face = (hit.primitive < GROUND).then(face);
+            let point = world.frame.back(hit.point).to_array();
+            Some(json!({ "point": point, "face": face }))
+        };
+        let scene = self.scene.try_read().ok();
+        let found = scene.and_then(|scene| look(scene.as_ref()?));
+        found.unwrap_or_default()
+    }
+
+    /// Begins to render the view to files, by the command that the page shows.
+    fn render(&self, body: &Value) {
+        self.stop_render();
+        let names = SETTINGS.into_iter().chain(["--exposure"]);
+        let given = names.filter_map(|name| {
+            Some((name.to_owned(), body[name].as_str()?.to_owned()))
+        });
+        match self.start_render(&given.collect()) {
+            Ok(render) => *lock(&self.render) = Some(render),
+            Err(fault) => {
+                let fault = format!("cannot render: {fault}");
+                self.tell(json!({ "render": { "fault": fault } }));
+            }
+        }
+        self.interrupt.0.store(1, Relaxed);
+    }
+
+    fn start_render(&self, settings: &Settings) -> io::Result<Render> {
+        let folder =
+            tempfile::Builder::new().prefix("ptview-").tempdir()?;
+        let mut command =
+            Command::new(env::current_exe()?.with_file_name("pt"));
+        command.args(&self.words(settings)[1..]).arg("-q");
+        for name in FILES {
+            let is_report = name.contains("report");
+            command.arg(if is_report { "--report" } else { "-o" });
+            command.arg(folder.path().join(name));
+        }
+        let log = File::create(folder.path().join(LOG))?;
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
+        Ok(Render { pt: command.spawn()?, folder, runs: true })
+    }
+
+    /// Tells pages how far a render is, and goes on with the view at its end.
+    fn watch_render(&self) {
+        let mut render = lock(&self.render);
+        let Some(own) = render.as_mut().filter(|own| own.runs) else {
+            return;
+        };
+        let ended = own.pt.try_wait().ok().flatten();
+        let read = |name| fs::read_to_string(own.folder.path().join(name));
+        let report = read("report.json").unwrap_or_default();
+        let report: Value =
+            serde_json::from_str(&report).unwrap_or_default();
+        let last = report["curve"].as_array().and_then(|all| all.last());
+        let fault = ended.filter(|ended| !ended.success());
+        let fault = fault.map(|_| read(LOG).unwrap_or_default());
+        let state = json!({
+            "runs": ended.is_none(), "fault": fault, "last": last,
+            "files": FILES,
+        });
+        own.runs = ended.is_none();
+        drop(render);
+        self.tell(json!({ "render": state }));
+        if ended.is_some() {
+            self.want(|_| ());
+        }
+    }
+
+    /// Ends a render that goes on, whose files are lost.
+    fn stop_render(&self) {
+        let mut render = lock(&self.render);
+        let Some(mut own) = render.take_if(|own| own.runs) else { return };
+        drop(render);
+        let _ = own.pt.kill();
+        let _ = own.pt.wait();
+        self.tell(json!({ "render": null }));
+        self.want(|_| ());
+    }
+
+    /// A file that was rendered.
+    fn file(&self, name: &str) -> Option<Answer> {
+        let name = FILES.into_iter().find(|file| *file == name)?;
+        let render = lock(&self.render);
+        let path = render.as_ref()?.folder.path().join(name);
+        Some(("application/octet-stream", fs::read(path).ok()?))
+    }
+}
