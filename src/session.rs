@@ -481,6 +481,10 @@ fn prepare(
         if up != DVec3::Z {
             options += &format!(" -u {u}");
         }
+        let zenith = subject.light().zenith;
+        if zenith != Sky::new(up).zenith {
+            options += &format!(" --zenith {}", direction(zenith));
+        }
         progress::inform(&format!("the camera stands outside: {options}"));
     }
     // Begin a report of the scene
@@ -821,7 +825,6 @@ fn build(
             ));
         }
     }
-    let analysis = SceneAnalysis::default();
     let mut world = World {
         subject,
         report,
@@ -830,9 +833,10 @@ fn build(
         frame,
         bvh,
         left_out,
-        analysis,
+        analysis: SceneAnalysis::default(),
         table,
     };
+    // Analyse the scene
     let World { bvh, left_out, .. } = &world;
     let analysis = SceneAnalysis::find(left_out, bvh, &world.view(), kept);
     let report = &mut world.report;

@@ -403,13 +403,17 @@ fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
         let line = format!("room.obj -d9x7 -n4 -u 0,0.1,1 {words}");
         finish(command.args(line.split_whitespace()).spawn().unwrap())
     };
-    let chosen = run("");
-    chosen.succeeded();
-    let said = chosen.stderr.lines().next().unwrap();
-    let options = said.split_once("the camera stands outside: ").unwrap().1;
-    let typed = run(options);
-    assert!(typed.stdout == chosen.stdout);
-    assert!(!typed.stderr.contains("outside"));
+    for view in ["", "--view top"] {
+        let sky = "--sky overcast --ground 0.5";
+        let chosen = run(&format!("{sky} {view}"));
+        chosen.succeeded();
+        let said = chosen.stderr.lines().next().unwrap();
+        let (_, options) =
+            said.split_once("the camera stands outside: ").unwrap();
+        let typed = run(&format!("{sky} {options}"));
+        assert!(typed.stdout == chosen.stdout, "{options}");
+        assert!(!typed.stderr.contains("outside"));
+    }
     assert!(run("-q").stderr.is_empty());
     // A reference of the view that is chosen shows the same.
     run("-oa.exr -s1").succeeded();
