@@ -24,7 +24,7 @@ PACKAGES := --workspace $(if $(WITH_MPI),,--exclude litpt-mpi)
 # What is measured or installed is a Release, unless the command line says
 # otherwise.
 ifneq ($(filter measure stability% ablation bench% mixtures install \
-  efficiency choice parts places mpi, \
+  efficiency choice parts places rates mpi, \
   $(MAKECMDGOALS)),)
 BUILD_TYPE = Release
 endif
@@ -60,6 +60,7 @@ TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
 help:
 	@echo 'make demo    build the program, render the courtyard, say where it is'
 	@echo 'make test    run all tests (needs Rust and make only; WITH_MPI=1: of pt-mpi too)'
+	@echo 'cargo test NAME  run those of the renderer with NAME in their names'
 	@echo 'make pdf     make the books, $(BUILD_DIR)/*.pdf (needs LaTeX)'
 	@echo 'make html    make the books for browsers, $(BUILD_DIR)/html (needs pandoc and lunr)'
 	@echo 'make bin     build the programs pt, ptimg and ptview in $(BUILD_DIR)'
@@ -83,6 +84,7 @@ help:
 	@echo 'make choice  what each method gains, and what a pilot foresees'
 	@echo 'make parts   what each part of a gather is worth, half an hour'
 	@echo 'make places  values of places, three minutes'
+	@echo 'make rates   images a second of ptview, a minute (needs chromium)'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'
 	@echo 'make clean   remove what was built'
 

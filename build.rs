@@ -8,31 +8,34 @@
 // chapters would otherwise leave a build that cannot repair itself).
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use noweb::project::{Project, included};
 
 const MASTER: &str = "litpt.nw";
 
-fn main() -> ExitCode {
+fn main() {
     match tangle() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            if message.contains("noweb untangle") {
-                eprintln!("Here, `make untangle' does that.");
+        Ok(watched) => {
+            for path in watched {
+                println!("cargo::rerun-if-changed={}", path.display());
             }
-            ExitCode::FAILURE
+        }
+        // Cargo shows nothing else of a build that says what is wrong.
+        Err(message) => {
+            let lines = message.lines();
+            lines.for_each(|line| println!("cargo::error={line}"));
+            if message.contains("noweb untangle") {
+                println!("cargo::error=Here, `make untangle' does that.");
+            }
         }
     }
 }
 
-fn tangle() -> Result<(), String> {
+/// Tangles the chapters; returns the files on which that depends.
+fn tangle() -> Result<Vec<PathBuf>, String> {
     let chapters = included(Path::new("."), Path::new(MASTER))
         .map_err(|error| format!("{MASTER}: {error}"))?;
-    for chapter in &chapters {
-        println!("cargo::rerun-if-changed={}", chapter.display());
-    }
+    let mut watched = chapters.clone();
     let project = Project {
         dir: PathBuf::from("."),
         record: PathBuf::from("src/.tangled"),
@@ -43,8 +46,6 @@ fn tangle() -> Result<(), String> {
         lines.collect::<Vec<_>>().join("\n")
     };
     let plan = project.tangle().map_err(all)?;
-    for output in plan.outputs {
-        println!("cargo::rerun-if-changed={}", output.path.display());
-    }
-    Ok(())
+    watched.extend(plan.outputs.into_iter().map(|output| output.path));
+    Ok(watched)
 }

@@ -23,7 +23,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   calibration.stamp curve.csv said.tex layers.tex \
   nets.stamp stability.tex \
   ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex sizes.csv \
-  mixtures.tex \
+  mixtures.tex rates.tex \
   mixtures-ball.csv room.tex street.tex)
 
 # ---- made with the book
@@ -293,6 +293,14 @@ parts: $(BOOK) $(call AND_VIEWS,$(WEIGHED:%=$(BENCH)/%))
 	$(RECORD) parts sh -c 'for scene in $(WEIGHED:%=$(BENCH)/%); do \
 	  $(BOOK) parts -i $$scene.obj $$(cat $$scene.view) -r 0.8 -n 64 \
 	    -d 200x150 || exit 1; done | awk "!/^scene,/ || !head++"'
+
+# How fast images of ptview come, on an idle machine.
+RATED = courtyard kitchen field
+.PHONY: rates
+rates: bench-tools $(BUILD_DIR)/ptview \
+  $(call AND_VIEWS,$(addprefix $(BENCH)/,$(filter-out kitchen,$(RATED))))
+	$(RECORD) rates python3 view/tests/browser.py --rates $(BUILD_DIR)/ptview \
+	  $(basename $(wildcard $(RATED:%=$(BENCH)/%.obj)))
 
 # Values of places, and how long they take: three minutes on an idle machine.
 .PHONY: places

@@ -621,11 +621,15 @@ class Book:
 
     def __init__(self):
         self.parts, self.chapters, self.titles = [], {}, {}
-        self.drawings = []
+        self.drawings, self.intros = [], {}
+        text = find(MASTER + '.tex')
         for m in re.finditer(r'\\part\{([^}]*)\}(?:\s*\\label\{([^}]*)\})?'
-                             r'|\\include\{([^}]*)\}', find(MASTER + '.tex')):
+                             r'|\\include\{([^}]*)\}', text):
             if m[1] or not self.parts:
                 self.parts.append((m[1] or 'Chapters', m[2], []))
+                intro = text.rfind('\\partintro{', 0, m.start())
+                if intro > 0:
+                    self.intros[m[1]] = group(text, intro + 10)[0]
             if m[3]:
                 self.parts[-1][2].append(m[3])
                 self.chapters[m[3]] = None
@@ -650,7 +654,11 @@ class Book:
         out = '<ol class="contents">'
         for title, key, names in self.parts:
             place = f' id="{key}"' if key and here == 'index' else ''
-            out += f'<li{place}>{title}<ul>'
+            out += f'<li{place}>{title}'
+            if here == 'index' and title in self.intros:
+                words = self.chapters[names[0]].words(self.intros[title])
+                out += pandoc(words)
+            out += '<ul>'
             for name in names:
                 out += '<li>' + entry(name, self.titles[name], here)
                 if name == here:
@@ -683,7 +691,7 @@ class Book:
                 made[name] = (LOOKED_UP[name], body)
             else:
                 del LOOKED_UP[name]
-        made['index'] = (MASTER, self.contents('index'))
+        made['index'] = (MASTER, door(self.chapters) + self.contents('index'))
         return made
 
 
@@ -691,6 +699,26 @@ NUMBERED = re.compile(r'<h2[^>]*><span id="([^"]*)"></span>'
                       r'((?:\d+|[A-Z])\..*?)</h2>')
 LOOKED_UP = {'bibliography': 'Bibliography', 'subjects': 'Index of subjects',
              'identifiers': 'Index of identifiers', 'files': 'Files'}
+
+
+def door(chapters):
+    """What the README says first, and the curves to play with."""
+    with open(os.path.join(os.path.dirname(WEB), 'README.md')) as file:
+        text, _, _ = file.read().partition('\n## ')
+    _, _, text = text.partition('\n')
+    made = subprocess.run(['pandoc', '-f', 'gfm', '-t', 'html'], input=text,
+                          capture_output=True, text=True, check=True).stdout
+
+    def picture(m):
+        source = os.path.join(os.path.dirname(WEB), m[1])
+        shutil.copy(source, os.path.join(OUT, 'figures'))
+        return f'src="figures/{os.path.basename(source)}"'
+    made = re.sub(r'src="([^"]*)"', picture, made)
+    if 'time_to_error' in chapters:
+        made += ('<figure>' + web_play.play('fig:efficiency', PATHS, OUT)
+                 + '<figcaption>Error against time beside a path tracer on '
+                 'Embree.</figcaption></figure>')
+    return made
 
 
 def entry(name, title, here):

@@ -2,10 +2,13 @@
 """Drives ptview in a headless Chromium, as a person would.
 
 usage: browser.py PTVIEW FOLDER SCENE [OPTION...]
+       browser.py --rates PTVIEW SCENE...
 
 Turns, walks, sets, copies and renders, compares what is rendered with what the
 copied command writes, and prints how fast images come. Screenshots go to the
-FOLDER. Exits with 77 if there is no Chromium.
+FOLDER. With --rates, prints a CSV of how fast images of scenes come; a SCENE is
+then a path without ".obj", beside which lies a ".view" with the options of the
+camera. Exits with 77 if there is no Chromium.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
@@ -249,19 +252,23 @@ def drive(browser, viewer, address, folder, axe):
           processor_seconds(viewer.pid) - before < 0.05)
 
 
-def main():
-    if len(sys.argv) < 4:
-        sys.exit(__doc__.partition('\n\nCopyright')[0])
-    program, folder, *words = sys.argv[1:]
-    chromium = shutil.which('chromium') or shutil.which('google-chrome')
-    if not chromium:
-        print('ptview was not driven: there is no Chromium')
-        sys.exit(77)
-    axe = os.environ.get('AXE')
-    if axe:
-        with open(axe) as file:
-            axe = file.read()
-    os.makedirs(folder, exist_ok=True)
+def rates(browser, viewer, address, scene):
+    """A line of a CSV: how fast images come while the view turns, the seconds
+    from then to the first whole image, and the most memory."""
+    browser.open(address)
+    browser.wait(f'{STATUS}.includes("spp")', 120)
+    browser.run(COUNT)
+    rate = turn(browser, 5)
+    width = browser.run('window.width')
+    _, pause = browser.wait('window.width >= 640', 60)
+    with open(f'/proc/{viewer.pid}/status') as file:
+        peak = next(int(line.split()[1]) for line in file if 'VmHWM' in line)
+    name = os.path.basename(scene)
+    print(f'{name},{rate:.1f},{width},{pause:.2f},{peak // 1000}', flush=True)
+
+
+def serve(program, words, chromium, work, *more):
+    """Works with a page of ptview in a browser."""
     viewer = subprocess.Popen([program, *words], stdout=subprocess.PIPE,
                               text=True, env={**os.environ, 'DISPLAY': ''})
     try:
@@ -269,13 +276,37 @@ def main():
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
             browser = Browser(chromium, place)
             try:
-                drive(browser, viewer, address, folder, axe)
+                work(browser, viewer, address, *more)
             finally:
                 browser.process.kill()
                 browser.process.wait()
     finally:
         viewer.terminate()
         status = viewer.wait()
+    return status
+
+
+def main():
+    if len(sys.argv) < 4:
+        sys.exit(__doc__.partition('\n\nCopyright')[0])
+    chromium = shutil.which('chromium') or shutil.which('google-chrome')
+    if not chromium:
+        print('ptview was not driven: there is no Chromium')
+        sys.exit(77)
+    if sys.argv[1] == '--rates':
+        print('scene,images_a_second,width,first_whole_seconds,megabytes')
+        for scene in sys.argv[3:]:
+            with open(scene + '.view') as file:
+                words = [scene + '.obj', *file.read().split(), '-r', '0.8']
+            serve(sys.argv[2], words, chromium, rates, scene)
+        return
+    program, folder, *words = sys.argv[1:]
+    axe = os.environ.get('AXE')
+    if axe:
+        with open(axe) as file:
+            axe = file.read()
+    os.makedirs(folder, exist_ok=True)
+    status = serve(program, words, chromium, drive, folder, axe)
     check('a signal ends ptview', status == 0)
 
 
