@@ -43,6 +43,7 @@ mod sobol;
 mod statistics;
 mod stiff;
 mod traversal;
+mod view;
 
 /// A file that is no module here would not be run.
 #[test]

@@ -788,3 +788,22 @@ impl Viewer {
         Some(("application/octet-stream", fs::read(path).ok()?))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::begin;
+
+    #[test]
+    fn what_the_page_sets_is_taken_out_of_the_words() {
+        let line = "--materials -r floor=0.2 -p 1,2,3 --view=top --sky \
+            overcast -s 7 -r 0.5 -u -z=1 --ground";
+        let mut words = line.split(' ').map(str::to_owned).collect();
+        let settings = begin(&mut words);
+        let all = settings.iter().map(|(name, value)| name.clone() + value);
+        let all: Vec<_> = all.collect();
+        let taken = "--skyovercast --viewtop -d640x480 -p1,2,3 -r0.5";
+        assert_eq!(all.join(" "), taken);
+        let left = "--materials -r floor=0.2 -s 7 -u -z=1 --ground";
+        assert_eq!(words.join(" "), left);
+    }
+}

@@ -1,0 +1,77 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Several views of one scene, as a program shows that turns it.
+
+use crate::common;
+
+use std::ffi::OsString;
+use std::path::Path;
+use std::sync::Arc;
+
+use common::{ROOM, Scratch};
+use litpt::analysis::SceneAnalysis;
+use litpt::integrator::Alone;
+use litpt::options::Options;
+use litpt::render::choose::{Method, Sampling, Setup};
+use litpt::session::World;
+
+/// The image of a world by the reference.
+fn image(world: &World) -> Vec<f64> {
+    let (bvh, view) = (&world.bvh, &world.view());
+    let analysis = &SceneAnalysis::default();
+    let setup = Setup { intersector: bvh, view, analysis };
+    let window = world.subject.window();
+    let sampling =
+        Sampling::new(Method::Reference, 0, Some(2), window.size);
+    let mut film = sampling.film(view.resolution, window);
+    let mut paths = setup.renderer(&sampling, Arc::default(), &Alone);
+    paths.pass(&mut film, 2, &|_| true);
+    film.means().collect()
+}
+
+fn options(scene: &Path, words: &str) -> Options {
+    let words = format!("pt -d9x7 {words}");
+    let words = words.split_whitespace().map(OsString::from);
+    Options::parse(words.chain([scene.into()])).unwrap()
+}
+
+#[test]
+fn a_scene_that_is_shown_in_another_way_is_as_if_read_for_it() {
+    let place = Scratch::new();
+    place.put(
+        "room.obj",
+        ROOM.replace("f 1 2 3 4\n", "g floor\nf 1 2 3 4\ng walls\n"),
+    );
+    let scene = &place.path("room.obj");
+    let all = [
+        "-r 0.5",
+        "-r 0.5 --ground 0.3",
+        "-r 0.5 --ground 0.3 --zenith 1,0,0.2",
+        "-r 0.7 -r floor=0.2 -p 3,1,2 -t 0,0,0",
+        "-r 0.7 -r floor=0.2 --view top --sky overcast",
+        "-d 8x8 -r 0.7 -F 30 -u y",
+    ];
+    let (mesh, mut world) = World::open(&options(scene, all[0])).unwrap();
+    let mut images = vec![];
+    for words in all.into_iter().chain(all) {
+        let options_now = options(scene, words);
+        world.show(&options_now, &mesh).unwrap();
+        let (_, fresh) = World::open(&options_now).unwrap();
+        assert!(world.subject == fresh.subject, "{words}");
+        let now = image(&world);
+        assert_eq!(now, image(&fresh), "{words}");
+        // What is refused changes nothing.
+        let refused =
+            options(scene, "-r nothing=0.2 --ground 0.9 -p 9,9,9");
+        assert!(world.show(&refused, &mesh).is_err());
+        assert_eq!(now, image(&world), "{words}");
+        images.push(now);
+    }
+    // Each of the ways shows something else.
+    images.truncate(all.len());
+    for (i, one) in images.iter().enumerate() {
+        assert!(one.iter().any(|mean| *mean > 0.), "{}", all[i]);
+        assert!(!images[..i].contains(one), "{}", all[i]);
+    }
+}
