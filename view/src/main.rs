@@ -140,8 +140,9 @@ fn run() -> Result<(), Error> {
     };
     let first =
         Options::parse(viewer.words(&lock(&viewer.wanted).settings))?;
-    if first.has_receivers() {
-        let fault = "receivers have no image to be looked at";
+    let is_image = !first.has_receivers() && first.crop.is_none();
+    if !is_image || first.scene_file().is_none() {
+        let fault = "ptview shows whole images of a file, and no receivers";
         return Err(fault.to_owned().into());
     }
     start_threads(&first)?;
@@ -152,7 +153,7 @@ fn run() -> Result<(), Error> {
         .map_err(|e| format!("cannot serve a page: {e}"))?;
     viewer.host = server.server_addr().to_string();
     let address = format!("http://{}/{}/", viewer.host, viewer.token);
-    println!("{address}");
+    let _ = writeln!(io::stdout(), "{address}");
     open_browser(&address);
     let viewer = &viewer;
     thread::scope(|scope| {
@@ -333,13 +334,15 @@ fn small(world: &World, scale: u32) -> LitView<'_> {
 }
 
 impl Viewer {
-    /// Changes what is wanted, and stops the run that shows something else.
-    fn want(&self, change: impl FnOnce(&mut Wanted)) {
+    /// Changes what is wanted, and stops the run that shows something else;
+    /// returns the number of the change.
+    fn want(&self, change: impl FnOnce(&mut Wanted)) -> u64 {
         let mut wanted = lock(&self.wanted);
         change(&mut wanted);
         wanted.number += 1;
         self.interrupt.0.store(1, Relaxed);
         self.changed.notify_all();
+        wanted.number
     }
 
     /// Shows what is wanted, until the program ends.
@@ -376,6 +379,10 @@ impl Viewer {
         guess: &mut Guess,
     ) -> Result<(), String> {
         let options = self.options(&settings)?;
+        if options.window().area() > 1 << 23 {
+            let fault = "more than 8 megapixels: copy the command instead";
+            return Err(fault.to_owned());
+        }
         // Have the scene shown in this view
         let read = reads.then(|| World::open(&options)).transpose()?;
         let mut scene = self.scene.write().expect("no panic with the lock");
@@ -666,7 +673,7 @@ impl Viewer {
     fn act(&self, name: &str, body: &Value) -> Option<Answer> {
         let mut content = vec![];
         match name {
-            "set" => self.set(body),
+            "set" => content = self.set(body).to_string().into_bytes(),
             "pick" => content = self.pick(body).to_string().into_bytes(),
             "render" => self.render(body),
             "stop" => self.stop_render(),
@@ -675,8 +682,9 @@ impl Viewer {
         Some(("application/json", content))
     }
 
-    /// Changes settings; a null takes one away.
-    fn set(&self, body: &Value) {
+    /// Changes settings, of which a null takes one away; returns the number of
+    /// the change.
+    fn set(&self, body: &Value) -> u64 {
         self.want(|Wanted { settings, reads, .. }| {
             *reads |= body["read"] == true;
             for name in SETTINGS {
@@ -690,7 +698,7 @@ impl Viewer {
                     _ => (),
                 }
             }
-        });
+        })
     }
 
     /// What a point of the image shows: where it is, and in which face; null if

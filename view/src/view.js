@@ -54,7 +54,7 @@ function hear(told) {
   by("fault").textContent = state.fault ?? "";
   if (!state.settings) return;
   const { settings } = state;
-  if (!view || state.number >= sent) {
+  if (!view || (state.number >= sent && !view.isNew)) {
     const vector = (name) => settings[name].split(",").map(Number);
     view = { position: vector("-p"), target: vector("-t"), up: vector("-u"),
       fov: Number(settings["-F"]) };
@@ -102,9 +102,10 @@ function command() {
     "-o", word(`${output}.png`)].join(" ");
 }
 
-function change(set) {
-  sent = state.number + 1;
-  return post("set", { set });
+async function change(set) {
+  sent = Infinity;
+  sent = await (await post("set", { set })).json();
+  hear(state);
 }
 
 function show(got) {
