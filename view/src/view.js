@@ -111,7 +111,10 @@ async function change(set) {
 function show(got) {
   image = got;
   const { spp, method, done, moves, curve = [] } = got;
-  if (moves) return paint();
+  if (moves) {
+    by("pixel").textContent = "\u00a0";
+    return paint();
+  }
   let text = `${spp} spp by ${method}`;
   if (curve.length) {
     draw(curve);

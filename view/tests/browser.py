@@ -242,9 +242,14 @@ def drive(browser, viewer, address, folder, axe):
                 found = browser.run('axe.run().then(({ violations }) =>'
                                     'violations.map(({ id }) => id).join())')
                 check(f'{name}: axe finds nothing {found}', not found)
-    # Close it: the work stops within a second
-    session, browser.session = browser.session, None
-    browser.call('Target.closeTarget', targetId=page)
+    # Look at it in two pages, and close both: the work stops within a second
+    browser.session = None
+    second = browser.open(address)
+    browser.wait(f'{STATUS}.includes("spp")')
+    check('a second page shows the same', browser.run(COMMAND) == command)
+    browser.session = None
+    for target in page, second:
+        browser.call('Target.closeTarget', targetId=target)
     time.sleep(1)
     before = processor_seconds(viewer.pid)
     time.sleep(0.5)
