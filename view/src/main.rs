@@ -288,15 +288,15 @@ impl Integrator for Glance<'_> {
         hit: Option<Hit>,
         sampler: &mut impl Sampler,
     ) -> PathEvent {
-        match (self.cache, hit) {
-            (Some(cache), Some(hit)) if path.count == 1 => {
-                let cell = cache.at(cache.grid.name(hit.point, hit.normal));
-                let share = self.paths.surfaces.share(hit.primitive) as f32;
-                let value = f64::from(cell.of_share(share).value);
-                PathEvent::Terminate(path.throughput * value)
+        if let (Some(cache), Some(hit), 1) = (self.cache, hit, path.count) {
+            let cell = cache.at(cache.grid.name(hit.point, hit.normal));
+            let share = self.paths.surfaces.share(hit.primitive) as f32;
+            let value = f64::from(cell.of_share(share).value);
+            if value > 0. {
+                return PathEvent::Terminate(path.throughput * value);
             }
-            _ => self.paths.advance(path, hit, sampler),
         }
+        self.paths.advance(path, hit, sampler)
     }
 }
 
@@ -313,13 +313,14 @@ struct Guess {
 
 impl Guess {
     /// Learns the radiance of a scene, roughly.
-    fn learn(&self, world: &World) {
+    fn learn(&mut self, world: &World) {
         let (bvh, view) = (&world.bvh, &small(world, 8));
         let analysis = &SceneAnalysis::default();
         let setup = Setup { intersector: bvh, view, analysis };
         let size = view.resolution;
         let sampling = Sampling::new(Method::Gather, 0, Some(1), size);
         let film = Film::new(size.0, size.1).with_shared_tiles();
+        self.learnt = Arc::default();
         let learnt = Arc::clone(&self.learnt);
         setup.renderer(&sampling, learnt, &Alone).learn(&film, &|_| true);
     }
@@ -412,6 +413,7 @@ impl Viewer {
         drop(self.changed.wait_timeout_while(wanted, still, same));
         let goes_on = |_| self.interrupt.signal().is_none();
         if goes_on(0) {
+            guess.learn(world);
             self.glance(world, guess, (2, 4), &goes_on);
         }
         if lock(&self.render).as_ref().is_some_and(|render| render.runs)
@@ -538,7 +540,8 @@ impl Viewer {
         let mut send = |run: &Convergence, film: &Film, is_last: bool| {
             let began = Instant::now();
             let is_step = run.last().spp == run.spp && began >= due;
-            if film.unsampled() == 0 && (is_step || is_last) {
+            let shows = run.spp >= 2 * sampling.replicate && is_step;
+            if film.unsampled() == 0 && (shows || is_last) {
                 let known =
                     |p: &CurvePoint| Some((p.seconds, p.rmse? / p.mean));
                 let curve: Vec<_> =
@@ -697,6 +700,13 @@ impl Viewer {
                     }
                     _ => (),
                 }
+            }
+            // A view from a side has its own up, which follows the zenith.
+            let zenith = settings.get("--zenith").cloned();
+            if let (Some(zenith), true) =
+                (zenith, settings.contains_key("--view"))
+            {
+                settings.insert("-u".into(), zenith);
             }
         })
     }

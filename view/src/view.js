@@ -113,6 +113,7 @@ function show(got) {
   const { spp, method, done, moves, curve = [] } = got;
   if (moves) {
     by("pixel").textContent = "\u00a0";
+    by("status").textContent = "a glance";
     return paint();
   }
   let text = `${spp} spp by ${method}`;
@@ -293,10 +294,9 @@ document.addEventListener("keydown", (event) => {
   if (target.closest("aside") || ctrlKey || metaKey || altKey) return;
   const name = key.length === 1 ? key.toLowerCase() : key;
   if (WALKS[name]) walk(WALKS[name], 0.03 * Math.hypot(...axes().way));
-  else if (TURNS[name]) turn(view.target, TURNS[name]);
+  else if (TURNS[name]) turn(view.position, TURNS[name]);
   else if (SIDES[name]) {
-    change({ "--view": SIDES[name], "-p": null, "-t": null, "-u": null,
-      "--zenith": state.zenith.join() });
+    change({ "--view": SIDES[name], "-p": null, "-t": null });
   } else if (name === "m") {
     showsErrors = !showsErrors;
     paint();

@@ -209,6 +209,11 @@ def drive(browser, viewer, address, folder, axe):
     browser.run('field.value = 0.6;'
                 'field.dispatchEvent(new Event("change", { bubbles: true }))')
     browser.wait('/-r 0.6/.test(' + COMMAND + ')')
+    # From above, where up is another axis, to the front again
+    for key, place in ('5', 'zenith'), ('1', '-u 0,1,0'):
+        browser.key(key)
+        browser.wait(f'{COMMAND}.includes({json.dumps(place)})')
+    check('the zenith stays', '--zenith' not in browser.run(COMMAND))
     # Copy the command and render
     browser.run('for (const [name, value] of [["-d", "64x48"],'
                 '["--error", "0.02"]]) {'
