@@ -162,7 +162,14 @@ impl Bvh {
     /// Puts a ground below the scene, given the unit vector to the zenith, or
     /// takes it away.
     pub fn set_ground(&mut self, zenith: Option<DVec3>) {
-        let ground = zenith.map(|zenith| Ground::under(self, zenith));
+        let ground = zenith.map(|zenith| {
+            let mut lowest = f64::INFINITY;
+            self.for_each(|_, corners| {
+                let heights = corners.map(|corner| zenith.dot(corner));
+                lowest = heights.into_iter().fold(lowest, f64::min);
+            });
+            Ground::under(lowest, zenith)
+        });
         match &mut self.0 {
             #[cfg(target_arch = "x86_64")]
             Form::Avx512(traverser) => traverser.ground = ground,

@@ -5,7 +5,6 @@
 
 use glam::DVec3;
 
-use super::Bvh;
 use super::intersector::Hit;
 use crate::scene::Ray;
 
@@ -27,14 +26,9 @@ const FARTHEST: f64 = (1u64 << 32) as f64;
 const BELOW: f64 = 1. / (1u64 << 16) as f64;
 
 impl Ground {
-    /// The ground under the triangles of a hierarchy, given the unit vector
-    /// to the zenith.
-    pub fn under(bvh: &Bvh, zenith: DVec3) -> Self {
-        let mut lowest = f64::INFINITY;
-        bvh.for_each(|_, corners| {
-            let heights = corners.map(|corner| zenith.dot(corner));
-            lowest = heights.into_iter().fold(lowest, f64::min);
-        });
+    /// The ground under a scene, given the height of its lowest corner, and
+    /// the unit vector to the zenith.
+    pub fn under(lowest: f64, zenith: DVec3) -> Self {
         Self { zenith, height: lowest - BELOW }
     }
 
