@@ -518,7 +518,7 @@ pub fn is_dash(path: &Path) -> bool {
 }
 
 /// Turns a scene in the browser, and finds the options of pt for a view.
-#[derive(Parser)]
+#[derive(Default, Parser)]
 #[command(name = "ptview", version, after_help = LICENCE)]
 pub struct ViewOptions {
     /// Wavefront OBJ, also .gz or .zst

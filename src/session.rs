@@ -717,7 +717,8 @@ impl World {
         Ok((mesh, build(loaded, &options, &Alone)?))
     }
 
-    /// Shows the scene, of which this is the mesh, as other options say.
+    /// Shows the scene, of which this is the mesh, as other options say; its
+    /// materials stay as they were read.
     ///
     /// # Errors
     /// The options do not suit the scene; it is shown as before.
@@ -726,7 +727,8 @@ impl World {
         options: &Options,
         mesh: &Mesh,
     ) -> Result<(), String> {
-        let named = albedos_by_name(options, mesh, &Alone)?;
+        let named_albedos = options.named_albedos();
+        let named = Named { named_albedos, ..self.subject.named.clone() };
         let new = subject(options, mesh, named);
         let sensor = camera(&new, &self.frame)?;
         let old = &self.subject;

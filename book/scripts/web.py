@@ -23,6 +23,7 @@ import html
 import math
 import os
 import re
+import shutil
 import subprocess
 import sys
 

@@ -11,7 +11,7 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::process::{Child, Command, ExitCode, Stdio};
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, RwLock};
 use std::time::{Duration, Instant};
 use std::{env, mem, thread};
@@ -40,17 +40,18 @@ use litpt::sky::Sky;
 use litpt::state::key::Subject;
 use serde_json::{Map, Value, json};
 use tempfile::TempDir;
-use tiny_http::{Header, Method as Verb, Request, Response, Server};
+use tiny_http::{Method as Verb, Request, Server};
 
 /// What the pages want to see.
+#[derive(Default)]
 struct Wanted {
     settings: Settings,
     /// How often it has changed.
     number: u64,
     /// Whether the scene is to be read again.
     reads: bool,
-    /// Whether the program is to end.
-    ends: bool,
+    /// The number of open pages.
+    pages: usize,
 }
 
 /// What pages are sent: an image, and the state of the view by name, each with
@@ -62,6 +63,7 @@ struct Shown {
 }
 
 /// A scene, how it is looked at, and by whom.
+#[derive(Default)]
 struct Viewer {
     options: ViewOptions,
     /// What the address begins with: the host, and a secret.
@@ -74,8 +76,6 @@ struct Viewer {
     interrupt: Interrupt,
     shown: Mutex<Shown>,
     fresh: Condvar,
-    /// The number of open pages.
-    pages: AtomicUsize,
     render: Mutex<Option<Render>>,
 }
 
@@ -86,11 +86,6 @@ fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// A kind of content, and the content.
 type Answer = (&'static str, Vec<u8>);
-
-/// What a stream begins with.
-const STREAM: &str = "HTTP/1.1 200 OK\r\n\
-    Content-Type: application/octet-stream\r\n\
-    Cache-Control: no-store\r\nConnection: close\r\n\r\n";
 
 /// A message of a stream: the lengths of its two parts, a text and numbers.
 fn message(text: &Value, numbers: &[u8]) -> Vec<u8> {
@@ -123,21 +118,10 @@ fn run() -> Result<(), Error> {
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
     let settings = begin(&mut options.words);
     // Make a viewer of the scene
-    let wanted = Wanted { settings, number: 1, reads: false, ends: false };
-    let mut viewer = Viewer {
-        options,
-        host: String::new(),
-        token: secret()
-            .map_err(|e| format!("cannot choose a secret: {e}"))?,
-        scene: RwLock::default(),
-        wanted: Mutex::new(wanted),
-        changed: Condvar::new(),
-        interrupt: Interrupt::default(),
-        shown: Mutex::default(),
-        fresh: Condvar::new(),
-        pages: AtomicUsize::new(0),
-        render: Mutex::default(),
-    };
+    let token =
+        secret().map_err(|e| format!("cannot choose a secret: {e}"))?;
+    let wanted = Mutex::new(Wanted { settings, ..Wanted::default() });
+    let mut viewer = Viewer { options, token, wanted, ..Viewer::default() };
     let first =
         Options::parse(viewer.words(&lock(&viewer.wanted).settings))?;
     let is_image = !first.has_receivers() && first.crop.is_none();
@@ -155,26 +139,27 @@ fn run() -> Result<(), Error> {
     let address = format!("http://{}/{}/", viewer.host, viewer.token);
     let _ = writeln!(io::stdout(), "{address}");
     open_browser(&address);
-    let viewer = &viewer;
-    thread::scope(|scope| {
-        scope.spawn(|| viewer.work());
-        while interrupt.signal().is_none() {
-            let request = server.recv_timeout(Duration::from_millis(50));
-            // Pass on a request, if there is one
-            match request {
-                Ok(Some(request))
-                    if viewer.name_of(&request) == Some("stream") =>
-                {
-                    scope.spawn(|| viewer.stream(request));
-                }
-                Ok(Some(request)) => viewer.answer(request),
-                _ => (),
+    let viewer: &Viewer = Box::leak(Box::new(viewer));
+    thread::spawn(|| viewer.work());
+    while interrupt.signal().is_none() {
+        let request = server.recv_timeout(Duration::from_millis(50));
+        // Pass on a request, if there is one
+        match request {
+            Ok(Some(request)) if request.body_length() > Some(BODY) => {
+                mem::forget(request);
             }
-            viewer.watch_render();
+            Ok(Some(request))
+                if viewer.name_of(&request) == Some("stream") =>
+            {
+                thread::spawn(|| viewer.stream(request));
+            }
+            Ok(Some(request)) => viewer.answer(request),
+            _ => (),
         }
-        viewer.want(|wanted| wanted.ends = true);
-        viewer.stop_render();
-    });
+        viewer.watch_render();
+    }
+    viewer.stop_render();
+    *lock(&viewer.render) = None;
     Ok(())
 }
 
@@ -200,25 +185,46 @@ fn open_browser(address: &str) {
 /// Names of options of pt, and their values.
 type Settings = BTreeMap<String, String>;
 
-/// The options that a page sets.
-const SETTINGS: [&str; 11] = [
-    "-p", "-t", "-u", "-F", "-d", "-r", "--view", "--sky", "--zenith",
-    "--ground", "--error",
+/// The options that a page sets, and their long names.
+const SETTINGS: [(&str, &str); 11] = [
+    ("-p", "--position"),
+    ("-t", "--target"),
+    ("-u", "--up"),
+    ("-F", "--fov"),
+    ("-d", "--resolution"),
+    ("-r", "--albedo"),
+    ("--view", "--view"),
+    ("--sky", "--sky"),
+    ("--zenith", "--zenith"),
+    ("--ground", "--ground"),
+    ("--error", "--error"),
 ];
 
 /// The settings with which a view begins, which are taken out of the words.
 fn begin(words: &mut Vec<String>) -> Settings {
-    let mut settings = Settings::from([("-d".into(), "640x480".into())]);
+    let mut settings = Settings::new();
     let mut typed = mem::take(words).into_iter().peekable();
     while let Some(word) = typed.next() {
-        let parts = word.split_once('=');
-        let name = parts.map_or(&*word, |(name, _)| name);
-        let is_ours = SETTINGS.contains(&name);
-        let value = parts.map(|(_, value)| value.to_owned());
-        let follows = |next: &String| is_ours && !next.contains('=');
-        match value.or_else(|| typed.next_if(follows)) {
-            Some(value) if is_ours => {
-                settings.insert(name.to_owned(), value);
+        let is_long = word.starts_with("--");
+        let (name, value) = match word.split_once('=') {
+            Some((name, value)) if is_long => (name, Some(value)),
+            _ if is_long => (&*word, None),
+            _ => word.split_at_checked(2).map_or((&*word, None), |parts| {
+                (parts.0, Some(parts.1).filter(|rest| !rest.is_empty()))
+            }),
+        };
+        let mut all = SETTINGS.iter();
+        let known =
+            all.find(|(short, long)| [*short, *long].contains(&name));
+        let is_plain = |value: &String| !value.contains('=');
+        let follows = |next: &String| known.is_some() && is_plain(next);
+        let value = match value {
+            Some(value) => Some(value.to_owned()).filter(is_plain),
+            None => typed.next_if(follows),
+        };
+        match (known, value) {
+            (Some((name, _)), Some(value)) => {
+                settings.insert((*name).to_owned(), value);
             }
             _ => words.push(word),
         }
@@ -230,7 +236,7 @@ impl Viewer {
     /// The words of pt for a view with these settings.
     fn words(&self, settings: &Settings) -> Vec<OsString> {
         let ViewOptions { scene, words } = &self.options;
-        let begin = ["pt".into(), scene.clone().into()];
+        let begin = ["pt".into(), scene.clone().into(), "-d640x480".into()];
         let typed = words.iter().map(OsString::from);
         let set = settings.iter().map(|(name, value)| {
             let between = if name.starts_with("--") { "=" } else { "" };
@@ -248,6 +254,9 @@ impl Viewer {
     }
 }
 
+/// The most bytes of the body of a request.
+const BODY: usize = 1024;
+
 /// The page, its style and its program.
 const PAGE: [&str; 3] = [
     include_str!("page.html"),
@@ -255,14 +264,12 @@ const PAGE: [&str; 3] = [
     include_str!("view.js"),
 ];
 
-/// No other site may read what we send, show it, or add to it.
-const HEADERS: [&str; 4] = [
-    "Content-Security-Policy: default-src 'self'; img-src 'self' data:; \
-     frame-ancestors 'none'",
-    "Cache-Control: no-store",
-    "Referrer-Policy: no-referrer",
-    "X-Content-Type-Options: nosniff",
-];
+/// No other site may read what we send, show it, or add to it; and each request
+/// has a connection of its own.
+const HEADERS: &str = "Content-Security-Policy: default-src 'self'; \
+    img-src 'self' data:; frame-ancestors 'none'\r\n\
+    Cache-Control: no-store\r\nReferrer-Policy: no-referrer\r\n\
+    X-Content-Type-Options: nosniff\r\nConnection: close\r\n";
 
 /// Follows paths up to their second surface, and takes the radiance there from
 /// a cache, if there is one.
@@ -346,28 +353,36 @@ impl Viewer {
         wanted.number
     }
 
-    /// Shows what is wanted, until the program ends.
+    /// Shows what is wanted, as long as the program lasts.
     fn work(&self) {
         let (mut guess, mut done) = (Guess::default(), 0);
+        let mut good = lock(&self.wanted).settings.clone();
         loop {
             let idle = |wanted: &mut Wanted| {
-                let unseen = self.pages.load(Relaxed) == 0;
-                !wanted.ends && (wanted.number == done || unseen)
+                wanted.number == done || wanted.pages == 0
             };
             let wanted = self.changed.wait_while(lock(&self.wanted), idle);
             let mut wanted = wanted.expect("no panic with the lock");
-            if wanted.ends {
-                return;
-            }
             done = wanted.number;
             let reads = mem::take(&mut wanted.reads);
             let settings = wanted.settings.clone();
             self.interrupt.0.store(0, Relaxed);
             drop(wanted);
             let shown = self.show(done, settings, reads, &mut guess);
-            shown.unwrap_or_else(|fault| {
-                self.tell(json!({ "fault": fault }))
-            });
+            // Keep settings that can be shown
+            let mut wanted = lock(&self.wanted);
+            match shown {
+                Ok(()) if wanted.number == done => {
+                    good = wanted.settings.clone()
+                }
+                Err(fault) => {
+                    if wanted.number == done {
+                        wanted.settings = good.clone();
+                    }
+                    self.tell(json!({ "fault": fault }));
+                }
+                Ok(()) => (),
+            }
         }
     }
 
@@ -380,10 +395,6 @@ impl Viewer {
         guess: &mut Guess,
     ) -> Result<(), String> {
         let options = self.options(&settings)?;
-        if options.window().area() > 1 << 23 {
-            let fault = "more than 8 megapixels: copy the command instead";
-            return Err(fault.to_owned());
-        }
         // Have the scene shown in this view
         let read = reads.then(|| World::open(&options)).transpose()?;
         let mut scene = self.scene.write().expect("no panic with the lock");
@@ -399,6 +410,11 @@ impl Viewer {
         let scene = self.scene.read().expect("no panic with the lock");
         let (_, world) = scene.as_ref().ok_or("there is no scene")?;
         self.settle(number, world, &options);
+        if options.window().area() > 1 << 23 {
+            let fault = "more than 8 megapixels: copy the command instead";
+            self.tell(json!({ "fault": fault }));
+            return Ok(());
+        }
         if guess.learnt.get().is_none() {
             guess.learn(world);
         }
@@ -423,7 +439,8 @@ impl Viewer {
         }
         // Render to one per cent of the mean, unless an error is given
         if options.error.is_none() {
-            let error = format!("{:.0e}", 0.01 * guess.mean.max(1e-9));
+            let mean = if guess.mean > 0. { guess.mean } else { 1. };
+            let error = format!("{:.1e}", 0.01 * mean);
             self.tell(json!({ "error": error }));
             settings.insert("--error".into(), error);
         }
@@ -432,38 +449,41 @@ impl Viewer {
     }
 
     /// Puts where the camera stands and what is up into the settings, and tells
-    /// pages all of them.
+    /// pages all of them, unless something else is wanted by now.
     fn settle(&self, number: u64, world: &World, options: &Options) {
         let mut wanted = lock(&self.wanted);
+        if wanted.number != number {
+            return;
+        }
         let subject = &world.subject;
         let View { position, target, up, fov } = subject.view;
         let Sky { zenith, cover, .. } = subject.light();
-        if wanted.number == number {
-            let settings = &mut wanted.settings;
-            settings
-                .retain(|name, _| name != "--view" && name != "--zenith");
-            let own = (Sky::new(up).zenith != zenith)
-                .then(|| ("--zenith", typed(zenith)));
-            let vectors = [("-p", position), ("-t", target), ("-u", up)];
-            let vectors =
-                vectors.map(|(name, vector)| (name, typed(vector)));
-            let all = vectors.into_iter().chain(own);
-            let all = all.chain([("-F", fov.to_string())]);
-            settings.extend(all.map(|(name, value)| (name.into(), value)));
+        let ((width, height), settings) =
+            (subject.resolution, &mut wanted.settings);
+        settings.remove("--view");
+        let own = settings.remove("--zenith").unwrap_or(typed(zenith));
+        if Sky::new(up).zenith != zenith {
+            settings.insert("--zenith".into(), own);
         }
-        let (width, height) = subject.resolution;
+        for (name, value) in [
+            ("-p", typed(position)),
+            ("-t", typed(target)),
+            ("-u", typed(up)),
+            ("-F", fov.to_string()),
+            ("-d", format!("{width}x{height}")),
+        ] {
+            settings.insert(name.into(), value);
+        }
         let fields = json!({
-            "-r": subject.albedo, "--ground": subject.ground, "-F": fov,
+            "-r": subject.albedo, "--ground": subject.ground,
             "--sky": format!("{cover:?}").to_lowercase(),
-            "-d": format!("{width}x{height}"),
         });
         let state = json!({
-            "words": self.options.words, "settings": wanted.settings,
+            "words": self.options.words, "settings": settings,
             "scene": self.options.scene.display().to_string(),
             "zenith": zenith.to_array(), "fields": fields, "fault": null,
-            "exposure": options.exposure, "number": wanted.number,
+            "exposure": options.exposure, "number": number,
         });
-        drop(wanted);
         self.tell(state);
     }
 
@@ -492,7 +512,8 @@ impl Viewer {
         if film.unsampled() == 0 {
             guess.mean = film.summary().mean;
             let hits = FirstHits::trace(&world.bvh, &view, film.window);
-            self.send_image(&film, &hits, true, json!({ "spp": spp }));
+            let about = json!({ "spp": spp, "moves": true });
+            self.send_image(&film, &hits, about);
             let samples = (film.area() * spp) as f64;
             guess.pace = began.elapsed().as_secs_f64() / samples;
         }
@@ -551,7 +572,7 @@ impl Viewer {
                     "spp": run.spp, "curve": curve, "method": method,
                     "done": is_last,
                 });
-                self.send_image(film, &hits, false, about);
+                self.send_image(film, &hits, about);
                 due = Instant::now() + 4 * began.elapsed();
             }
         };
@@ -568,13 +589,7 @@ impl Viewer {
     }
 
     /// Sends an image, and what is said about it.
-    fn send_image(
-        &self,
-        film: &Film,
-        hits: &FirstHits,
-        moves: bool,
-        mut about: Value,
-    ) {
+    fn send_image(&self, film: &Film, hits: &FirstHits, mut about: Value) {
         let filtered = Filtered::of(film, hits);
         let means: Vec<f64> = film.means().collect();
         let mut numbers =
@@ -583,8 +598,7 @@ impl Viewer {
         let (width, height) = film.window.size;
         about["stops"] = stops.into();
         about["size"] = json!([width, height]);
-        about["moves"] = moves.into();
-        if !moves {
+        if about["moves"].is_null() {
             numbers.extend(means);
             numbers.extend(film.errors(WORTH, film.window));
         }
@@ -607,13 +621,16 @@ impl Viewer {
 
     /// Sends a page what is shown, until it is closed.
     fn stream(&self, request: Request) {
-        if self.pages.fetch_add(1, Relaxed) == 0 {
+        lock(&self.wanted).pages += 1;
+        if lock(&self.wanted).pages == 1 {
             self.want(|_| ());
         }
         let mut out = request.into_writer();
         let (mut last, beat) = ((0, 0), Duration::from_millis(250));
-        let mut written = out.write_all(STREAM.as_bytes());
-        while written.is_ok() && !lock(&self.wanted).ends {
+        let kind = "Content-Type: application/octet-stream";
+        let head = format!("HTTP/1.1 200 OK\r\n{kind}\r\n{HEADERS}\r\n");
+        let mut written = out.write_all(head.as_bytes());
+        while written.is_ok() {
             let same = |s: &mut Shown| (s.image.0, s.state.0) == last;
             let shown = lock(&self.shown);
             let waited = self.fresh.wait_timeout_while(shown, beat, same);
@@ -625,11 +642,17 @@ impl Viewer {
             let state = has_new[1].then(|| shown.state.1.clone());
             drop(shown);
             let mut bytes = message(&json!({ "state": state }), &[]);
-            bytes.extend(image.iter().filter(|_| has_new[0]));
+            if has_new[0] {
+                bytes.extend_from_slice(&image);
+            }
             written = out.write_all(&bytes).and_then(|()| out.flush());
         }
-        if self.pages.fetch_sub(1, Relaxed) == 1 {
+        thread::sleep(beat);
+        let mut wanted = lock(&self.wanted);
+        wanted.pages -= 1;
+        if wanted.pages == 0 {
             self.interrupt.0.store(1, Relaxed);
+            drop(wanted);
             self.stop_render();
         }
     }
@@ -647,11 +670,11 @@ impl Viewer {
 
     /// Answers a request of a page.
     fn answer(&self, mut request: Request) {
-        let mut body = String::new();
-        let mut limited = request.as_reader().take(1 << 16);
-        let is_text = limited.read_to_string(&mut body).is_ok();
-        let body: Value = serde_json::from_str(&body).unwrap_or_default();
-        let posts = *request.method() == Verb::Post && is_text;
+        let posts = *request.method() == Verb::Post
+            && request.body_length().is_some();
+        let body =
+            posts.then(|| serde_json::from_reader(request.as_reader()));
+        let body: Value = body.and_then(Result::ok).unwrap_or_default();
         let name = self.name_of(&request).unwrap_or("?");
         let answer = match name {
             "" => Some(("text/html", PAGE[0].into())),
@@ -660,29 +683,30 @@ impl Viewer {
             _ if posts => self.act(name, &body),
             _ => self.file(name),
         };
-        let (kind, content) = answer.unwrap_or_default();
-        let status = if kind.is_empty() { 404 } else { 200 };
-        let mut response = Response::from_data(content);
-        let kind = format!("Content-Type: {kind}; charset=utf-8");
-        let headers = HEADERS.into_iter().chain([&*kind]);
-        for header in headers.filter_map(|text| text.parse::<Header>().ok())
-        {
-            response.add_header(header);
-        }
-        let _ = request.respond(response.with_status_code(status));
+        let (status, kind, content) = match answer {
+            Some((kind, content)) => ("200 OK", kind, content),
+            None => ("404 Not Found", "text/plain", b"not found".to_vec()),
+        };
+        let head = format!(
+            "HTTP/1.1 {status}\r\nContent-Type: {kind}; charset=utf-8\r\n\
+             Content-Length: {}\r\n{HEADERS}\r\n",
+            content.len()
+        );
+        let mut out = request.into_writer();
+        let _ = out.write_all(&[head.as_bytes(), &content].concat());
+        let _ = out.flush();
     }
 
     /// Does what a page asks for; nothing if it is unknown.
     fn act(&self, name: &str, body: &Value) -> Option<Answer> {
-        let mut content = vec![];
-        match name {
-            "set" => content = self.set(body).to_string().into_bytes(),
-            "pick" => content = self.pick(body).to_string().into_bytes(),
-            "render" => self.render(body),
-            "stop" => self.stop_render(),
+        let answer = match name {
+            "set" => self.set(body).into(),
+            "pick" => self.pick(body).unwrap_or_default(),
+            "render" => self.render(body).into(),
+            "stop" => self.stop_render().into(),
             _ => return None,
-        }
-        Some(("application/json", content))
+        };
+        Some(("application/json", answer.to_string().into_bytes()))
     }
 
     /// Changes settings, of which a null takes one away; returns the number of
@@ -690,7 +714,7 @@ impl Viewer {
     fn set(&self, body: &Value) -> u64 {
         self.want(|Wanted { settings, reads, .. }| {
             *reads |= body["read"] == true;
-            for name in SETTINGS {
+            for (name, _) in SETTINGS {
                 match &body["set"][name] {
                     Value::String(value) => {
                         _ = settings.insert(name.into(), value.clone());
@@ -711,38 +735,38 @@ impl Viewer {
         })
     }
 
-    /// What a point of the image shows: where it is, and in which face; null if
-    /// it is the sky, or the scene is being changed.
-    fn pick(&self, body: &Value) -> Value {
+    /// What a point of the image shows: where it is, and in which face; nothing
+    /// if it is the sky, or the scene is being changed.
+    fn pick(&self, body: &Value) -> Option<Value> {
+        let scene = self.scene.try_read().ok()?;
+        let (_, world) = scene.as_ref()?;
         let [x, y] =
             ["x", "y"].map(|name| body[name].as_f64().unwrap_or(0.));
-        let look = |(_, world): &(Mesh, World)| {
-            let hit = world.sensor.start(&world.bvh, x, y).2?;
-            let face = || world.bvh.face(hit.primitive) + 1;
-            let face = (hit.primitive < GROUND).then(face);
-            let point = world.frame.back(hit.point).to_array();
-            Some(json!({ "point": point, "face": face }))
-        };
-        let scene = self.scene.try_read().ok();
-        let found = scene.and_then(|scene| look(scene.as_ref()?));
-        found.unwrap_or_default()
+        let hit = world.sensor.start(&world.bvh, x, y).2?;
+        let face = || world.bvh.face(hit.primitive) + 1;
+        let face = (hit.primitive < GROUND).then(face);
+        let point = world.frame.back(hit.point).to_array();
+        Some(json!({ "point": point, "face": face }))
     }
 
     /// Begins to render the view to files, by the command that the page shows.
     fn render(&self, body: &Value) {
         self.stop_render();
-        let names = SETTINGS.into_iter().chain(["--exposure"]);
+        let names = SETTINGS.into_iter().map(|(name, _)| name);
+        let names = names.chain(["--exposure"]);
         let given = names.filter_map(|name| {
             Some((name.to_owned(), body[name].as_str()?.to_owned()))
         });
         match self.start_render(&given.collect()) {
-            Ok(render) => *lock(&self.render) = Some(render),
+            Ok(render) => {
+                *lock(&self.render) = Some(render);
+                self.interrupt.0.store(1, Relaxed);
+            }
             Err(fault) => {
                 let fault = format!("cannot render: {fault}");
                 self.tell(json!({ "render": { "fault": fault } }));
             }
         }
-        self.interrupt.0.store(1, Relaxed);
     }
 
     fn start_render(&self, settings: &Settings) -> io::Result<Render> {
@@ -774,7 +798,8 @@ impl Viewer {
             serde_json::from_str(&report).unwrap_or_default();
         let last = report["curve"].as_array().and_then(|all| all.last());
         let fault = ended.filter(|ended| !ended.success());
-        let fault = fault.map(|_| read(LOG).unwrap_or_default());
+        let told = || read(LOG).ok().filter(|text| !text.is_empty());
+        let fault = fault.map(|end| told().unwrap_or(format!("pt: {end}")));
         let state = json!({
             "runs": ended.is_none(), "fault": fault, "last": last,
             "files": FILES,
@@ -814,14 +839,14 @@ mod tests {
     #[test]
     fn what_the_page_sets_is_taken_out_of_the_words() {
         let line = "--materials -r floor=0.2 -p 1,2,3 --view=top --sky \
-            overcast -s 7 -r 0.5 -u -z=1 --ground";
+            overcast -s 7 -r0.5 -rwall=1 --fov 30 -d9x7 --ground";
         let mut words = line.split(' ').map(str::to_owned).collect();
         let settings = begin(&mut words);
         let all = settings.iter().map(|(name, value)| name.clone() + value);
         let all: Vec<_> = all.collect();
-        let taken = "--skyovercast --viewtop -d640x480 -p1,2,3 -r0.5";
+        let taken = "--skyovercast --viewtop -F30 -d9x7 -p1,2,3 -r0.5";
         assert_eq!(all.join(" "), taken);
-        let left = "--materials -r floor=0.2 -s 7 -u -z=1 --ground";
+        let left = "--materials -r floor=0.2 -s 7 -rwall=1 --ground";
         assert_eq!(words.join(" "), left);
     }
 }

@@ -62,7 +62,7 @@ function hear(told) {
   exposure ??= String(state.exposure?.stops ?? "auto");
   document.title = `${state.scene} - ptview`;
   document.querySelector("h1").textContent = state.scene;
-  const up = view.up.findIndex((x) => Math.abs(x) > 0.5);
+  const up = state.zenith.findIndex((x) => Math.abs(x) > 0.5);
   const shown = { ...asked(), ...state.fields, "-u": "xyz"[up] };
   for (const field of form.elements) {
     if (field !== document.activeElement) field.value = shown[field.name] ?? "";
@@ -76,7 +76,7 @@ function tellRender(render) {
   const { spp, rmse, seconds } = render?.last ?? {};
   const link = (name) => Object.assign(document.createElement("a"),
     { href: name, textContent: name, download: name });
-  if (render?.files && !render.runs && !render.fault) {
+  if (render?.files && !render.runs && render.fault === null) {
     if (by("files").childElementCount) return;
     const links = render.files.flatMap((name) => [" ", link(name)]);
     by("files").replaceChildren("rendered:", ...links);
@@ -131,13 +131,15 @@ function show(got) {
 function paint() {
   const { size: [width, height], moves } = image;
   const fixed = Number(exposure ?? "auto");
-  const wanted = !Number.isNaN(fixed) ? fixed
+  const wanted = Number.isFinite(fixed) ? fixed
     : moves ? stops ?? image.stops : image.stops;
   stops ??= wanted;
   stops += (Math.abs(wanted - stops) < 0.02 ? 1 : 0.3) * (wanted - stops);
   if (stops !== wanted) requestAnimationFrame(paint);
   Object.assign(canvas, { width, height });
-  canvas.style.maxWidth = `${(85 * width) / height}vh`;
+  const [columns, rows] = state.settings["-d"].split("x");
+  canvas.style.aspectRatio = columns / rows;
+  canvas.style.maxWidth = `${(85 * columns) / rows}vh`;
   const picture = new ImageData(width, height);
   const bytes = new Uint32Array(picture.data.buffer);
   for (let i = 0; i < bytes.length; i++) {
@@ -195,7 +197,8 @@ async function send() {
     const digits = Math.min(20, Math.max(0, 4 - Math.floor(size)));
     const typed = (v, n) => v.map((x) => +x.toFixed(n)).join();
     await change({ "-p": typed(position, digits), "-t": typed(target, digits),
-      "-u": typed(up, 6), "--zenith": state.zenith.join() });
+      "-u": typed(up, 6), "--view": null,
+      "--zenith": state.settings["--zenith"] ?? state.zenith.join() });
   }
   moves = false;
 }
@@ -234,8 +237,9 @@ function walk(steps, size) {
 
 const place = (event) => {
   const box = canvas.getBoundingClientRect();
-  return { x: (event.clientX - box.left) / box.width,
-    y: (event.clientY - box.top) / box.height };
+  const part = (x, length) => Math.min(1 - 1e-9, Math.max(0, x / length));
+  return { x: part(event.clientX - box.left, box.width),
+    y: part(event.clientY - box.top, box.height) };
 };
 const pick = async (event) => (await post("pick", place(event))).json();
 
@@ -309,7 +313,7 @@ document.addEventListener("keydown", (event) => {
 form.addEventListener("submit", (event) => event.preventDefault());
 form.addEventListener("change", ({ target: { name, value } }) => {
   if (name === "--exposure") {
-    exposure = value || "auto";
+    exposure = value && Number.isFinite(Number(value)) ? value : "auto";
     hear(state);
     return paint();
   }

@@ -21,6 +21,7 @@ import json
 import os
 import shlex
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
@@ -179,6 +180,11 @@ def drive(browser, viewer, address, folder, axe):
     check('none for another host',
           refused(host, f'/{token}/', Host='evil.example'))
     check('no other path', refused(host, f'/{token}/../Cargo.toml'))
+    for length in 2000, 10 ** 18:
+        with socket.create_connection(host.split(':')) as connection:
+            connection.sendall(b'POST / HTTP/1.1\r\nHost: a\r\n'
+                               b'Content-Length: %d\r\n\r\n' % length)
+    check('no body is waited for that does not come', refused(host, '/'))
     # Turn, and wait for the image
     before = browser.run(COMMAND)
     rate = turn(browser, 3)
@@ -206,6 +212,12 @@ def drive(browser, viewer, address, folder, axe):
                 'field.dispatchEvent(new Event("change", { bubbles: true }))')
     fault, _ = browser.wait(TEXT.format('fault'))
     check(f'a fault is told: {fault}', 'albedo between 0 and 1' in fault)
+    walked = browser.run(COMMAND)
+    browser.key('4')
+    browser.key('w')
+    browser.wait(f'{COMMAND} !== {json.dumps(walked)} && '
+                 + TEXT.format('fault') + ' === ""')
+    check('what cannot be shown is not kept, nor is a side', True)
     browser.run('field.value = 0.6;'
                 'field.dispatchEvent(new Event("change", { bubbles: true }))')
     browser.wait('/-r 0.6/.test(' + COMMAND + ')')
