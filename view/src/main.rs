@@ -702,8 +702,14 @@ impl Viewer {
         let answer = match name {
             "set" => self.set(body).into(),
             "pick" => self.pick(body).unwrap_or_default(),
-            "render" => self.render(body).into(),
-            "stop" => self.stop_render().into(),
+            "render" => {
+                self.render(body);
+                Value::Null
+            }
+            "stop" => {
+                self.stop_render();
+                Value::Null
+            }
             _ => return None,
         };
         Some(("application/json", answer.to_string().into_bytes()))
