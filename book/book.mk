@@ -160,10 +160,11 @@ ablation: $(BOOK)
 	$(RECORD) ablation $(BOOK) ablation 5
 
 # Random scenes, cameras and options, with all checks on. The log names the
-# case that was tried last, which is to blame if the process dies.
+# case that was tried last, which is to blame if the process dies. It is built
+# with the tests: alone, it would need other features of what both use.
 FUZZ_SECONDS = 60
 fuzz:
-	$(CARGO) build $(PACKAGES) --bin litpt-book
+	$(CARGO) build $(PACKAGES) --tests --bin litpt-book
 	@mkdir -p $(BUILD_DIR)
 	$(CARGO_TARGET_DIR)/debug/litpt-book fuzz $(FUZZ_SECONDS) \
 	  > $(BUILD_DIR)/fuzz.log || { tail -n 1 $(BUILD_DIR)/fuzz.log; exit 1; }
