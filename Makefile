@@ -37,7 +37,7 @@ endif
 COMPILED := $(CARGO_TARGET_DIR)/$(patsubst dev,debug,$(PROFILE_$(BUILD_TYPE)))
 
 NOWEB := $(CARGO_TARGET_DIR)/tool/noweb
-NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
+NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs noweb/new/*)
 # What cargo, the compiler and the tests say is shown at the chapters. The tool
 # runs the command, translates what it says, and ends with its status.
 MAP = $(NOWEB) map litpt.nw noweb/noweb.nw --
