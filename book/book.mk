@@ -160,8 +160,8 @@ ablation: $(BOOK)
 	$(RECORD) ablation $(BOOK) ablation 5
 
 # Random scenes, cameras and options, with all checks on. The log names the
-# case that was tried last, which is to blame if the process dies. It is built
-# with the tests: alone, it would need other features of what both use.
+# case that was tried last, which is to blame if the process dies. The program
+# is built with the tests: alone, it would need other features of shared crates.
 FUZZ_SECONDS = 60
 fuzz:
 	$(CARGO) build $(PACKAGES) --tests --bin litpt-book
