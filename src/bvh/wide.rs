@@ -620,7 +620,7 @@ impl<const N: usize> Wide<N> {
         quality: Quality,
         placed: &dyn Fn(usize),
     ) -> io::Result<Self> {
-        let mut above = usize::from(triangles.len() > LARGE);
+        let mut above = 0;
         while triangles.len() > PART * N.pow(above as u32) {
             above += 1;
         }
@@ -695,11 +695,8 @@ fn leaves(tree: &[Bvh2Node], i: u32) -> impl Iterator<Item = Bvh2Node> {
 
 /// Children that the stack of a traversal holds.
 pub const STACK: usize = 1024;
-/// Scenes with more triangles are built in parts,
-const LARGE: usize = 1 << 17;
-
-/// of so many triangles at most.
-const PART: usize = 1 << 21;
+/// Scenes are built in parts of so many triangles at most.
+const PART: usize = 1 << 20;
 
 /// Sorts triangles into `parts` groups of neighbours, a power of two.
 fn halve<'a>(
