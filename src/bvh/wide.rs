@@ -335,18 +335,19 @@ struct Forest<const N: usize> {
 impl<const N: usize> Forest<N> {
     /// The forest of a node of the given area from those of its children,
     /// and how it is cut.
-    fn join(left: &Self, right: &Self, area: f32) -> (Self, Choices<N>) {
+    fn join(left: &Self, right: &Self, area: f32) -> (Self, Choices) {
         let most = (left.most + right.most).min(N);
         let mut costs = [f32::INFINITY; N];
         let mut choices = [0; N];
         // Try forests of two trees and more
-        for k in 2..=most {
-            let least = k.saturating_sub(right.most).max(1);
-            for a in least..=left.most.min(k - 1) {
-                let cost = left.costs[a - 1] + right.costs[k - a - 1];
-                if cost < costs[k - 1] {
-                    (costs[k - 1], choices[k - 1]) = (cost, a as u8);
-                }
+        for a in 1..=left.most.min(N - 1) {
+            let best = costs[a..].iter_mut().zip(&mut choices[a..]);
+            for ((cost, choice), right) in
+                best.zip(&right.costs[..right.most])
+            {
+                let sum = left.costs[a - 1] + right;
+                *choice = if sum < *cost { a as u32 } else { *choice };
+                *cost = cost.min(sum);
             }
         }
         costs[0] = area + costs[most - 1];
@@ -362,18 +363,26 @@ impl<const N: usize> Forest<N> {
                 choices[k - 1] = 0;
             }
         }
+        let choices = choices.into_iter().rev();
+        let choices = choices.fold(0, |all, a| all << 4 | Choices::from(a));
         (Self { costs, most, count }, choices)
     }
 }
 
-/// The choices for one node of the binary tree, that for k at k - 1.
-type Choices<const N: usize> = [u8; N];
+/// The choices for one node of the binary tree, that for k in the four
+/// bits from bit 4(k - 1) on.
+type Choices = u64;
+
+/// The choices for this node, among all.
+fn chosen(node: &Bvh2Node, choices: &[Choices]) -> Choices {
+    let place = node.first_index as usize / 2;
+    if node.is_leaf() { 1 } else { choices[place] }
+}
 
 /// How each node of a binary tree is best cut, for wide nodes of up to
 /// `N` children.
-fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices<N>> {
-    let leaf = array::from_fn(|k| u8::from(k == 0));
-    let mut choices = vec![leaf; tree.len()];
+fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices> {
+    let mut choices = vec![0; tree.len() / 2];
     let mut forests: Vec<Forest<N>> = vec![];
     let root = (!tree.is_empty()).then_some((0, false));
     let mut todo = Vec::from_iter(root);
@@ -392,7 +401,7 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices<N>> {
         {
             let (forest, choice) = Forest::join(&left, &right, area);
             forests.push(forest);
-            choices[i] = choice;
+            choices[first / 2] = choice;
         }
     }
     choices
@@ -400,20 +409,21 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices<N>> {
 
 /// Adds the roots of the least forest of at most `k` trees that
 /// represents the subtree of node `i`.
-fn add_forest<const N: usize>(
+fn add_forest(
     tree: &[Bvh2Node],
-    choices: &[Choices<N>],
-    (i, k): (u32, usize),
+    choices: &[Choices],
+    (i, k): (u32, u32),
     roots: &mut Vec<u32>,
 ) {
-    let choice = &choices[i as usize];
-    let Some(k) = (2..=k).rev().find(|k| choice[k - 1] != 0) else {
+    let node = &tree[i as usize];
+    let up_to_k = chosen(node, choices) & (!0 >> (64 - 4 * k));
+    let last = up_to_k.checked_ilog2().unwrap_or(0) / 4;
+    if last == 0 {
         return roots.push(i);
-    };
-    let (left, trees) = (tree[i as usize].first_index, choice[k - 1]);
-    let trees = usize::from(trees);
+    }
+    let (left, trees) = (node.first_index, (up_to_k >> (4 * last)) as u32);
     add_forest(tree, choices, (left, trees), roots);
-    add_forest(tree, choices, (left + 1, k - trees), roots);
+    add_forest(tree, choices, (left + 1, last + 1 - trees), roots);
 }
 
 /// Subtrees of triangles that are smaller than this part of a region are
@@ -502,11 +512,12 @@ impl<const N: usize> Wide<N> {
             // Write the node above the forest below a root
             let mut children = vec![];
             if !tree.is_empty() {
-                add_forest(tree, &choices, (root, N), &mut children);
+                add_forest(tree, &choices, (root, N as u32), &mut children);
             }
             let mut node = Node::EMPTY;
             for (lane, i) in children.into_iter().enumerate() {
-                let child = if choices[i as usize][0] == 1 {
+                let child = if chosen(&tree[i as usize], &choices) & 15 == 1
+                {
                     wide.add_leaf(group, tree, i)
                 } else {
                     queue.push((i, level + 1));
@@ -585,6 +596,10 @@ impl<const N: usize> Wide<N> {
     /// Adds the nodes, leaves and gates of another tree; the number of its
     /// root.
     fn append(&mut self, mut other: Self) -> io::Result<u32> {
+        if self.nodes.is_empty() {
+            *self = other;
+            return Ok(0);
+        }
         let (node, gate) =
             (self.nodes.len() as u32, self.gates.len() as u32);
         let words = [&self.leaves, &other.leaves].map(|l| l.words.len());
