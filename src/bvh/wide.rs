@@ -635,7 +635,8 @@ impl<const N: usize> Wide<N> {
         quality: Quality,
         placed: &dyn Fn(usize),
     ) -> io::Result<Self> {
-        let mut above = 0;
+        let is_large = triangles.len() > LARGE;
+        let mut above = usize::from(is_large && divides(&triangles, N));
         while triangles.len() > PART * N.pow(above as u32) {
             above += 1;
         }
@@ -710,8 +711,34 @@ fn leaves(tree: &[Bvh2Node], i: u32) -> impl Iterator<Item = Bvh2Node> {
 
 /// Children that the stack of a traversal holds.
 pub const STACK: usize = 1024;
-/// Scenes are built in parts of so many triangles at most.
+/// Scenes with more triangles are built in parts,
+const LARGE: usize = 1 << 17;
+
+/// unless a ray that meets the scene is expected to meet more of them.
+const MOST_MET: f64 = 3.;
+
+/// Parts have so many triangles at most.
 const PART: usize = 1 << 20;
+
+/// Whether parts of a scene overlap so little that it is built in parts.
+fn divides(triangles: &Triangles, parts: usize) -> bool {
+    let Triangles { vertices, corners, faces } = triangles;
+    let corners = corners.iter().copied().zip(faces.iter().copied());
+    let mut corners: Vec<_> = corners.collect();
+    let groups = halve(vertices, &mut corners, parts).into_par_iter();
+    let boxes = groups.map(|own| {
+        let points = own.iter().flat_map(|(three, _)| three);
+        bounds(points.map(|&k| vertices[k as usize]))
+    });
+    let boxes: Vec<_> = boxes.collect();
+    let whole = bounds(boxes.iter().flat_map(|&(low, high)| [low, high]));
+    let area = |(low, high): (DVec3, DVec3)| {
+        let size = high - low;
+        size.dot(DVec3::new(size.y, size.z, size.x))
+    };
+    let sum: f64 = boxes.into_iter().map(area).sum();
+    sum <= MOST_MET * area(whole)
+}
 
 /// Sorts triangles into `parts` groups of neighbours, a power of two.
 fn halve<'a>(

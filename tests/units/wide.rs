@@ -193,6 +193,22 @@ fn parts_are_joined_under_no_level_of_nodes_one_and_two() {
     check_levels::<16>();
 }
 
+// Squares of a plain do not overlap; with a triangle as large as the scene
+// in each, a ray meets most of them.
+#[test]
+fn a_scene_is_divided_unless_its_parts_overlap() {
+    let grid =
+        |i: u32| DVec3::new(f64::from(i % 64), f64::from(i / 64), 0.);
+    let tile = |i| [DVec3::ZERO, DVec3::X, DVec3::Y].map(|p| grid(i) + p);
+    let plain: Vec<Triangle> = (0..4096).map(tile).collect();
+    let mut room = plain.clone();
+    for triangle in room.iter_mut().step_by(37) {
+        triangle[1] += DVec3::new(64., 64., 64.);
+    }
+    assert!(divides(&scene(plain).triangles, 16));
+    assert!(!divides(&scene(room).triangles, 16));
+}
+
 #[test]
 fn the_padding_is_not_lost_in_rounding() {
     let far = DVec3::splat(1e6);
