@@ -635,8 +635,8 @@ impl<const N: usize> Wide<N> {
         quality: Quality,
         placed: &dyn Fn(usize),
     ) -> io::Result<Self> {
-        let is_large = triangles.len() > LARGE;
-        let mut above = usize::from(is_large && divides(&triangles, N));
+        let may_divide = (LARGE + 1..=PART).contains(&triangles.len());
+        let mut above = usize::from(may_divide && divides(&triangles, N));
         while triangles.len() > PART * N.pow(above as u32) {
             above += 1;
         }

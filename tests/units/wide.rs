@@ -56,7 +56,8 @@ fn clusters() -> Scene {
 }
 
 fn scenes() -> impl Iterator<Item = Scene> {
-    let sizes = [0, 1, 4, 5, 16, 17, 65, 3000];
+    // The last is large enough to be divided.
+    let sizes = [0, 1, 4, 5, 16, 17, 65, 3000, LARGE + 1];
     sizes.into_iter().map(soup).chain([nested(2000), clusters()])
 }
 
