@@ -78,6 +78,7 @@ help:
 	@echo 'make measure repeat how long the tool translates places'
 	@echo 'make stability  stiff and extreme cases, ten minutes; stability-full: hours'
 	@echo 'make ablation  what is saved by leaving out what a scene does not need'
+	@echo 'make calibration  how often the truth lies within so many errors'
 	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
 	@echo 'make mixtures  mixtures of scales beside Embree'
 	@echo 'make efficiency  in which time pt reaches the error of Embree, some hours'

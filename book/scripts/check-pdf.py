@@ -16,6 +16,7 @@ notice are preserved. This file is offered as-is, without any warranty.
 import re
 import subprocess
 import sys
+from multiprocessing.pool import ThreadPool
 
 LABEL = r'\s\d+(?:[a-z]|\.\d+)'
 USE = re.compile(rf'⟨((?:(?!⟩).)*){LABEL}⟩')
@@ -64,9 +65,12 @@ def without_labels(row):
 
 def book_lines(volumes):
     """The lines of the book without heads and feet; where pages begin."""
-    text = ''.join(subprocess.run(['pdftotext', '-layout', pdf, '-'], check=True,
-                                  stdout=subprocess.PIPE).stdout.decode()
-                   for pdf in volumes)
+    def extract(pdf):
+        return subprocess.run(['pdftotext', '-layout', pdf, '-'], check=True,
+                              stdout=subprocess.PIPE).stdout.decode()
+
+    with ThreadPool() as pool:
+        text = ''.join(pool.map(extract, volumes))
     lines, starts = [], set()
     for page in text.split('\f'):
         rows = [row for row in page.split('\n') if row.strip()]

@@ -1,11 +1,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! Prints the tables of the book on errors, as LaTeX rows.
+//! Prints the table of the book on errors, a CSV for "make calibration".
 
 use std::error::Error;
-use std::fmt::{self, Write};
-use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -23,14 +21,21 @@ use litpt_book::interiors::Interior;
 
 use super::Done;
 
-pub fn run(arguments: &[String]) -> Done {
-    let directory = arguments.first();
-    let directory = directory.ok_or("usage: calibration DIRECTORY")?;
-    let cases = cases()?;
-    let [coverage, means] = coverage(cases.iter().chain([&room()?]))?;
-    let tables = [("coverage.tex", coverage), ("means.tex", means)];
-    for (name, rows) in tables {
-        std::fs::write(Path::new(directory).join(name), rows)?;
+pub fn run(_: &[String]) -> Done {
+    println!("scene,method,n,deviation,one,two,three,mean,by_pixels");
+    let mut all = ROWS.map(|_| <[Vec<f64>; 2]>::default());
+    for case in cases()?.iter().chain([&room()?]) {
+        for (row, all) in ROWS.iter().zip(&mut all) {
+            let (z, means) = deviations(case, row);
+            print(case.name, row, &covered(&z), &means);
+            for (all, means) in all.iter_mut().zip(means) {
+                all.extend(means);
+            }
+        }
+    }
+    for (row, means) in ROWS.iter().zip(&all).filter(|(row, _)| row.1 == 16)
+    {
+        print("all", row, ",,,", means);
     }
     Ok(())
 }
@@ -167,60 +172,44 @@ const ROWS: [(Method, u64, u64); 6] = [
     (Method::Gather, 256, 4),
 ];
 
-fn coverage<'a>(
-    cases: impl Iterator<Item = &'a Case>,
-) -> Result<[String; 2], fmt::Error> {
-    let (mut rows, mut means) = (String::new(), Means::default());
-    for case in cases {
-        write!(means.rows, "{}", case.name)?;
-        for (method, n, seeds) in ROWS {
-            // Print a row for some images
-            let Case { name, setting, truth, mean } = case;
-            let seeds = 1..=seeds;
-            let images = seeds.map(|seed| image(setting, method, seed, n));
-            let images: Vec<_> = images.collect();
-            let z = images.iter().flat_map(|i| deviations(i, truth));
-            let z: Vec<f64> = z.collect();
-            // Print a row of coverage
-            let way = match (n, method) {
-                (16, Method::Reference) => format!("{name} & {method}"),
-                (16, _) => format!(" & {method}"),
-                _ => " & ".to_owned(),
-            };
-            writeln!(rows, r"{way} & {n} & {} \\", covered(&z))?;
-            if n == 16 {
-                // Print the columns of the means
-                let summaries = images.iter().map(Film::summary);
-                let summaries: Vec<_> = summaries.collect();
-                let stated = |s: &Summary| s.mean_stderr;
-                means.add(mean_deviations(&summaries, *mean, stated))?;
-                if method == Method::Gather {
-                    let pixels = f64::from(WIDTH * HEIGHT);
-                    let apart = |s: &Summary| s.rmse / pixels.sqrt();
-                    means.add(mean_deviations(&summaries, *mean, apart))?;
-                }
-            }
-        }
-        writeln!(means.rows, r" \\")?;
-    }
-    // Print a row for all scenes
-    write!(means.rows, r"\midrule all")?;
-    for z in std::mem::take(&mut means.columns) {
-        means.add(z)?;
-    }
-    writeln!(means.rows, r" \\")?;
-    Ok([rows, means.rows])
+/// By how many standard errors pixels miss the truth, and the means of
+/// images of 16 samples; those also with the error that they had if the pixels
+/// of a gather were independent.
+fn deviations(
+    Case { setting, truth, mean, .. }: &Case,
+    &(method, n, seeds): &(Method, u64, u64),
+) -> (Vec<f64>, [Vec<f64>; 2]) {
+    let images = (1..=seeds).map(|seed| image(setting, method, seed, n));
+    let images: Vec<_> = images.collect();
+    let z = images.iter().flat_map(|i| of_pixels(i, truth)).collect();
+    let summaries = images.iter().map(Film::summary);
+    let summaries: Vec<_> = summaries.filter(|_| n == 16).collect();
+    let gathers = if method == Method::Gather { &*summaries } else { &[] };
+    let apart = |s: &Summary| s.rmse / f64::from(WIDTH * HEIGHT).sqrt();
+    let stated = of_means(&summaries, *mean, |s| s.mean_stderr);
+    (z, [stated, of_means(gathers, *mean, apart)])
 }
 
-/// By how many standard errors the pixels miss the truth, of those that
-/// miss it at all.
-fn deviations(film: &Film, truth: &[(f64, f64)]) -> Vec<f64> {
+/// For the pixels that miss the truth at all.
+fn of_pixels(film: &Film, truth: &[(f64, f64)]) -> Vec<f64> {
     let errors = film.errors(WORTH, film.window);
     let pixels = film.means().zip(errors).zip(truth);
     let deviations = pixels.map(|((mean, error), (exact, unsure))| {
         (mean - exact) / (error * error + unsure * unsure).sqrt()
     });
     deviations.filter(|z| !z.is_nan() && *z != 0.).collect()
+}
+
+fn of_means(
+    summaries: &[Summary],
+    (truth, unsure): (f64, f64),
+    error: impl Fn(&Summary) -> f64,
+) -> Vec<f64> {
+    let deviation = |summary: &Summary| {
+        let (miss, error) = (summary.mean - truth, error(summary));
+        miss / (error * error + unsure * unsure).sqrt()
+    };
+    summaries.iter().map(deviation).collect()
 }
 
 /// The root of the mean square.
@@ -236,37 +225,20 @@ fn covered(z: &[f64]) -> String {
         100. * within as f64 / z.len() as f64
     };
     let (one, two, three) = (share(1.), share(1.96), share(3.));
-    format!("{:.3} & {one:.1} & {two:.1} & {three:.2}", deviation(z))
+    format!("{:.3},{one:.1},{two:.1},{three:.2}", deviation(z))
 }
 
-/// By how many standard errors the means of images miss the truth.
-fn mean_deviations(
-    summaries: &[Summary],
-    (truth, unsure): (f64, f64),
-    error: impl Fn(&Summary) -> f64,
-) -> Vec<f64> {
-    let deviation = |summary: &Summary| {
-        let (miss, error) = (summary.mean - truth, error(summary));
-        miss / (error * error + unsure * unsure).sqrt()
+/// Prints a row of the table. Of no means, there is no deviation.
+fn print(
+    name: &str,
+    (method, n, _): &(Method, u64, u64),
+    covered: &str,
+    means: &[Vec<f64>; 2],
+) {
+    let known = |z: &Vec<f64>| match z[..] {
+        [] => String::new(),
+        _ => format!("{:.2}", deviation(z)),
     };
-    summaries.iter().map(deviation).collect()
-}
-
-/// Deviations of the means of images, and the z of the columns so far.
-#[derive(Default)]
-struct Means {
-    rows: String,
-    columns: [Vec<f64>; 4],
-    column: usize,
-}
-
-impl Means {
-    /// Prints the next column.
-    fn add(&mut self, z: Vec<f64>) -> fmt::Result {
-        self.columns[self.column].extend(&z);
-        self.column = (self.column + 1) % self.columns.len();
-        let (deviation, k) = (deviation(&z), z.len() as f64);
-        let unsure = deviation / (2. * k).sqrt();
-        write!(self.rows, r" & ${deviation:.2}\pm{unsure:.2}$")
-    }
+    let [stated, apart] = means.each_ref().map(known);
+    println!("{name},{method},{n},{covered},{stated},{apart}");
 }
