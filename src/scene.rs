@@ -100,7 +100,12 @@ impl Scene {
         let corners = triangles.corners.par_iter().flatten_iter();
         let corners = corners.map(|&i| triangles.vertices[i as usize]);
         let rounds = corners.map(|corner| moved.rounds(corner));
-        let rounds = rounds.reduce(|| BVec3::FALSE, |a, b| a | b);
+        let either =
+            |a: BVec3, b: BVec3| Some(a | b).filter(|both| !both.all());
+        let rounds = rounds
+            .try_fold(|| BVec3::FALSE, either)
+            .try_reduce(|| BVec3::FALSE, either)
+            .unwrap_or(BVec3::TRUE);
         let frame = Frame::new(extremes, !rounds);
         // Place the vertices
         let place = |p: &mut DVec3| {
@@ -124,21 +129,41 @@ const TINY: f64 = f64::from_bits((1023 - 100) << 52);
 
 /// Which triangles have the same corners as an earlier one.
 fn copies(triangles: &Triangles) -> Vec<bool> {
+    let bits = |p: DVec3| p.to_array().map(f64::to_bits);
+    let hashes = triangles.vertices.par_iter().map(|&p| scattered(bits(p)));
+    let hashes: Vec<u64> = hashes.collect();
+    let key = |three: &[u32; 3]| {
+        let [a, b, c] = three.map(|i| hashes[i as usize]);
+        a.wrapping_add(b).wrapping_add(c)
+    };
+    let keys: Vec<u64> = triangles.corners.par_iter().map(key).collect();
+    // Keep the numbers that may be there twice
+    let words = (keys.len() / 8).next_power_of_two();
+    let place =
+        |key: u64| (key as usize / 64 & (words - 1), 1u64 << (key % 64));
+    let [mut once, mut twice] = [(); 2].map(|()| vec![0; words]);
+    for &key in &keys {
+        let (word, bit) = place(key);
+        twice[word] |= once[word] & bit;
+        once[word] |= bit;
+    }
+    let is_shared = |&(key, _): &(u64, u32)| {
+        let (word, bit) = place(key);
+        twice[word] & bit != 0
+    };
+    let kept = keys.iter().copied().zip(0..).filter(is_shared);
+    let mut kept: Vec<(u64, u32)> = kept.collect();
+    kept.par_sort_unstable();
     let corners = |i: u32| {
-        let corners = triangles.get(i as usize);
-        let mut corners = corners.map(|p| p.to_array().map(f64::to_bits));
+        let mut corners = triangles.get(i as usize).map(bits);
         corners.sort_unstable();
         corners
     };
-    let keys = (0..triangles.len() as u32).into_par_iter();
-    let keys = keys.map(|i| (scattered(corners(i)), i));
-    let mut keys: Vec<(u64, u32)> = keys.collect();
-    keys.par_sort_unstable();
     let is_equal = |a: &(u64, u32), b: &(u64, u32)| {
         a.0 == b.0 && corners(a.1) == corners(b.1)
     };
     let mut is_copy = vec![false; triangles.len()];
-    for equal in keys.chunk_by(is_equal) {
+    for equal in kept.chunk_by(is_equal) {
         equal[1..].iter().for_each(|&(_, i)| is_copy[i as usize] = true);
     }
     is_copy

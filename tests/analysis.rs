@@ -340,7 +340,7 @@ fn a_part_of_an_image_expects_the_rays_of_that_part() {
         place.image("a.exr").attributes["hierarchy"].clone()
     };
     let few = quality("-d16x16 -n1");
-    assert_ne!(few, quality("-d128x128 -n16"));
+    assert_ne!(few, quality("-d512x512 -n8"));
     for part in [
         "-d4096x4096 -n1 --crop=64,64,16x16",
         "-d16x16 -n1000000 --samples=5..6",

@@ -176,17 +176,17 @@ fn a_choice_depends_on_the_scene_and_the_samples_alone() {
     let place = Scratch::new();
     let options = ["-s1 -j1", "-s2 -j2", "-s3 --isa=portable"];
     let chosen = options.map(|options| {
-        let report = report(&place, &format!("{options} -n64 -d32x24"));
+        let report = report(&place, &format!("{options} -n64"));
         assert_eq!(report["settings"]["integrator"], "gather");
         report["settings"]["choice"].clone()
     });
     assert!(chosen[0] == chosen[1] && chosen[0] == chosen[2]);
     let image = |options: &str| {
-        let format = "--format=pfm -o- -qf -n64 -d32x24";
+        let format = "--format=pfm -o- -qf -n64";
         place.line(&format!("{VIEW} {format} {options}")).stdout
     };
     let own = image("");
-    assert!(own.len() > 32 * 24 * 4);
+    assert!(own.len() > 64 * 48 * 4);
     assert!(own == image("--integrator=auto"));
     assert!(own == image("--integrator=gather"));
     assert!(own != image("--integrator=reference"));

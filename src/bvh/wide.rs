@@ -93,13 +93,18 @@ impl<const N: usize> Node<N> {
     /// Fills `order` from the boxes.
     fn sort(&mut self) {
         for octant in 0..8 {
-            // Sort the lanes from far to near
+            // Rank the lanes from far to near
             let far: [f32; N] =
                 array::from_fn(|lane| self.entry(octant, lane));
-            let mut lanes: [usize; N] = array::from_fn(|lane| lane);
-            lanes.sort_by(|&a, &b| far[b].total_cmp(&far[a]));
-            for (order, lane) in self.order.iter_mut().zip(lanes) {
-                *order |= (lane as u32) << (4 * octant);
+            let mut ranks = [0; N];
+            for (lane, own) in far.into_iter().enumerate() {
+                for (i, other) in far.into_iter().enumerate() {
+                    let is_before = own > other || own == other && lane < i;
+                    ranks[i] += u32::from(is_before);
+                }
+            }
+            for (lane, rank) in ranks.into_iter().enumerate() {
+                self.order[rank as usize] |= (lane as u32) << (4 * octant);
             }
         }
     }
@@ -635,8 +640,7 @@ impl<const N: usize> Wide<N> {
         quality: Quality,
         placed: &dyn Fn(usize),
     ) -> io::Result<Self> {
-        let may_divide = (LARGE + 1..=PART).contains(&triangles.len());
-        let mut above = usize::from(may_divide && divides(&triangles, N));
+        let mut above = usize::from(triangles.len() > LARGE);
         while triangles.len() > PART * N.pow(above as u32) {
             above += 1;
         }
@@ -647,20 +651,28 @@ impl<const N: usize> Wide<N> {
     fn under(
         triangles: Triangles,
         quality: Quality,
-        above: usize,
+        mut above: usize,
         placed: &dyn Fn(usize),
     ) -> io::Result<Self> {
         let Triangles { vertices, corners, faces } = triangles;
         let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
-        let region = region(&vertices, &corners);
-        let mut wide = Self::empty(corners.len(), region)?;
+        let (count, region) = (corners.len(), region(&vertices, &corners));
+        let mut wide = Self::empty(count, region)?;
+        // Divide the scene, unless its parts overlap
+        let parts = N.pow(above as u32);
+        let mut groups = halve(&vertices, &mut corners, parts);
+        if (LARGE + 1..=PART).contains(&count)
+            && !are_apart(&vertices, &groups)
+        {
+            (above, groups) = (0, vec![&mut corners[..]]);
+        }
         let parts = N.pow(above as u32);
         let tops = (parts - 1) / (N - 1);
         wide.nodes.resize(tops, Node::EMPTY);
         let mut roots: Vec<_> = (1..tops as u32).collect();
         // Build as many parts at a time as there are threads
-        let groups = halve(&vertices, &mut corners, parts).into_par_iter();
-        let mut groups: Vec<_> = groups.map(|own| own.to_vec()).collect();
+        let groups = groups.into_par_iter().map(|own| own.to_vec());
+        let mut groups: Vec<_> = groups.collect();
         drop(corners);
         let mut count = 0;
         for some in groups.chunks_mut(rayon::current_num_threads()) {
@@ -720,13 +732,9 @@ const MOST_MET: f64 = 3.;
 /// Parts have so many triangles at most.
 const PART: usize = 1 << 20;
 
-/// Whether parts of a scene overlap so little that it is built in parts.
-fn divides(triangles: &Triangles, parts: usize) -> bool {
-    let Triangles { vertices, corners, faces } = triangles;
-    let corners = corners.iter().copied().zip(faces.iter().copied());
-    let mut corners: Vec<_> = corners.collect();
-    let groups = halve(vertices, &mut corners, parts).into_par_iter();
-    let boxes = groups.map(|own| {
+/// Whether the parts of a scene overlap so little that they are built.
+fn are_apart(vertices: &[DVec3], parts: &[&mut [Corners]]) -> bool {
+    let boxes = parts.par_iter().map(|own| {
         let points = own.iter().flat_map(|(three, _)| three);
         bounds(points.map(|&k| vertices[k as usize]))
     });

@@ -4,7 +4,6 @@
 //! From the text of a Wavefront OBJ to a mesh.
 
 use std::borrow::Cow;
-use std::str::SplitWhitespace;
 
 use glam::DVec3;
 use memchr::{memchr, memchr2, memchr2_iter, memchr3_iter};
@@ -300,14 +299,27 @@ fn read_statement(
     let end = memchr(b'#', text).unwrap_or(text.len());
     let text =
         str::from_utf8(&text[..end]).map_err(|_| "not UTF-8 text")?;
-    let mut words = text.split_whitespace();
+    if text.is_ascii() && memchr(BREAK, text.as_bytes()).is_none() {
+        read_element(text.split_ascii_whitespace(), vertices, mesh)
+    } else {
+        read_element(text.split_whitespace(), vertices, mesh)
+    }
+}
+
+fn read_element<'a>(
+    mut words: impl Iterator<Item = &'a str>,
+    vertices: [usize; 2],
+    mesh: &mut Mesh,
+) -> Result<(), String> {
     match words.next() {
         Some("v") => read_vertex(words).map(|p| mesh.vertices.push(p)),
         _ => read_face(words, vertices, mesh),
     }
 }
 
-fn read_vertex(mut words: SplitWhitespace) -> Result<DVec3, String> {
+fn read_vertex<'a>(
+    mut words: impl Iterator<Item = &'a str>,
+) -> Result<DVec3, String> {
     let mut position = [0.; 3];
     for (axis, value) in ["x", "y", "z"].iter().zip(&mut position) {
         let none = || format!("a vertex without {axis}");
@@ -322,8 +334,8 @@ fn read_vertex(mut words: SplitWhitespace) -> Result<DVec3, String> {
 }
 
 /// Appends the fan of the face whose corners are `words`.
-fn read_face(
-    words: SplitWhitespace,
+fn read_face<'a>(
+    words: impl Iterator<Item = &'a str>,
     vertices: [usize; 2],
     mesh: &mut Mesh,
 ) -> Result<(), String> {
@@ -350,7 +362,9 @@ fn read_corner(
     word: &str,
     [so_far, total]: [usize; 2],
 ) -> Result<u32, String> {
-    let (digits, others) = word.split_once('/').unwrap_or((word, ""));
+    let slash = word.bytes().position(|c| c == b'/');
+    let (digits, others) =
+        slash.map_or((word, ""), |n| (&word[..n], &word[n + 1..]));
     // Judge what follows the first slash
     let is_number = |n: &str| n.is_empty() || n.parse::<i64>().is_ok();
     if !others.is_empty() && !others.splitn(2, '/').all(is_number) {
