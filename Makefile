@@ -23,7 +23,7 @@ PACKAGES := --workspace $(if $(WITH_MPI),,--exclude litpt-mpi)
 
 # What is measured or installed is a Release, unless the command line says
 # otherwise.
-ifneq ($(filter measure stability% ablation bench% mixtures install \
+ifneq ($(filter measure stability% ablation bench% calibration mixtures install \
   efficiency choice parts places rates mpi, \
   $(MAKECMDGOALS)),)
 BUILD_TYPE = Release

@@ -92,8 +92,8 @@ enum Form {
 }
 
 macro_rules! with_traverser {
-    ($bvh:expr, $traverser:ident => $answer:expr) => {
-        match &$bvh.0 {
+    ($form:expr, $traverser:ident => $answer:expr) => {
+        match $form {
             #[cfg(target_arch = "x86_64")]
             Form::Avx512($traverser) => $answer,
             #[cfg(target_arch = "x86_64")]
@@ -170,23 +170,17 @@ impl Bvh {
             });
             Ground::under(lowest, zenith)
         });
-        match &mut self.0 {
-            #[cfg(target_arch = "x86_64")]
-            Form::Avx512(traverser) => traverser.ground = ground,
-            #[cfg(target_arch = "x86_64")]
-            Form::Avx2(traverser) => traverser.ground = ground,
-            Form::Portable(traverser) => traverser.ground = ground,
-        }
+        with_traverser!(&mut self.0, own => own.ground = ground);
     }
 
     /// Whether there is a ground.
     pub fn has_ground(&self) -> bool {
-        with_traverser!(self, traverser => traverser.ground.is_some())
+        with_traverser!(&self.0, traverser => traverser.ground.is_some())
     }
 
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {
-        with_traverser!(self, own => own.wide.leaves.face(primitive))
+        with_traverser!(&self.0, own => own.wide.leaves.face(primitive))
     }
 
     /// Whether `asked` is true of a triangle and its corners. Only boxes
@@ -198,7 +192,7 @@ impl Bvh {
         asked: impl Fn(u32, &Triangle) -> bool,
     ) -> bool {
         let asked = |_: &Leaf, (_, slot), corners: &_| asked(slot, corners);
-        with_traverser!(self, traverser => {
+        with_traverser!(&self.0, traverser => {
             let wide = &traverser.wide;
             let all = (0, wide.region);
             wide.any(all, [DVec3::MIN, DVec3::MAX], &enters, &asked)
@@ -226,11 +220,11 @@ impl Bvh {
 }
 impl Intersector for Bvh {
     fn below(&self, ray: &Ray) -> Option<Hit> {
-        with_traverser!(self, traverser => traverser.below(ray))
+        with_traverser!(&self.0, traverser => traverser.below(ray))
     }
 
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        with_traverser!(self, traverser => traverser.first_hit(ray, from))
+        with_traverser!(&self.0, traverser => traverser.first_hit(ray, from))
     }
 
     fn is_visible(
@@ -239,14 +233,14 @@ impl Intersector for Bvh {
         from: Option<u32>,
         target: u32,
     ) -> bool {
-        with_traverser!(self, own => own.is_visible(ray, from, target))
+        with_traverser!(&self.0, own => own.is_visible(ray, from, target))
     }
 
     fn first_hits(&self, rays: &Batch<Ray>) -> Batch<Hit> {
-        with_traverser!(self, traverser => traverser.first_hits(rays))
+        with_traverser!(&self.0, traverser => traverser.first_hits(rays))
     }
 
     fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
-        with_traverser!(self, traverser => work.with(traverser))
+        with_traverser!(&self.0, traverser => work.with(traverser))
     }
 }

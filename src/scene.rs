@@ -138,9 +138,9 @@ fn copies(triangles: &Triangles) -> Vec<bool> {
     };
     let keys: Vec<u64> = triangles.corners.par_iter().map(key).collect();
     // Keep the numbers that may be there twice
-    let words = (keys.len() / 8).next_power_of_two();
+    let words = keys.len().div_ceil(8).next_power_of_two();
     let place =
-        |key: u64| (key as usize / 64 & (words - 1), 1u64 << (key % 64));
+        |key: u64| ((key as usize / 64) & (words - 1), 1u64 << (key % 64));
     let [mut once, mut twice] = [(); 2].map(|()| vec![0; words]);
     for &key in &keys {
         let (word, bit) = place(key);

@@ -647,7 +647,8 @@ impl<const N: usize> Wide<N> {
         Self::under(triangles, quality, above, placed)
     }
 
-    /// The same in parts, under so many levels of nodes.
+    /// The same in parts under so many levels of nodes, or whole if the parts
+    /// would overlap.
     fn under(
         triangles: Triangles,
         quality: Quality,
@@ -732,7 +733,7 @@ const MOST_MET: f64 = 3.;
 /// Parts have so many triangles at most.
 const PART: usize = 1 << 20;
 
-/// Whether the parts of a scene overlap so little that they are built.
+/// Whether the parts of a scene overlap so little that it is built in them.
 fn are_apart(vertices: &[DVec3], parts: &[&mut [Corners]]) -> bool {
     let boxes = parts.par_iter().map(|own| {
         let points = own.iter().flat_map(|(three, _)| three);
