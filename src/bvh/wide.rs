@@ -93,18 +93,13 @@ impl<const N: usize> Node<N> {
     /// Fills `order` from the boxes.
     fn sort(&mut self) {
         for octant in 0..8 {
-            // Rank the lanes from far to near
+            // Sort the lanes from far to near
             let far: [f32; N] =
                 array::from_fn(|lane| self.entry(octant, lane));
-            let mut ranks = [0; N];
-            for (lane, own) in far.into_iter().enumerate() {
-                for (i, other) in far.into_iter().enumerate() {
-                    let is_before = own > other || own == other && lane < i;
-                    ranks[i] += u32::from(is_before);
-                }
-            }
-            for (lane, rank) in ranks.into_iter().enumerate() {
-                self.order[rank as usize] |= (lane as u32) << (4 * octant);
+            let mut lanes: [usize; N] = array::from_fn(|lane| lane);
+            lanes.sort_by(|&a, &b| far[b].total_cmp(&far[a]));
+            for (order, lane) in self.order.iter_mut().zip(lanes) {
+                *order |= (lane as u32) << (4 * octant);
             }
         }
     }
