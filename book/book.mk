@@ -20,7 +20,7 @@ TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex translation.tex)
 TABLES := $(BUILD_DIR)/examples.stamp \
   $(BUILD_DIR)/examples/session.txt $(addprefix $(BUILT)/,measured.tex \
   turnaround.tex closed-forms.tex \
-  coverage.tex curve.csv said.tex layers.tex \
+  coverage.tex expectations.tex curve.csv said.tex layers.tex \
   nets.stamp stability.tex \
   ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex sizes.csv \
   mixtures.tex rates.tex \

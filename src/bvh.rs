@@ -109,7 +109,7 @@ impl Bvh {
     /// # Errors
     /// Too little memory, or too many triangles; 2^26 always fit.
     pub fn new(scene: &Scene) -> io::Result<Self> {
-        Self::with(scene, Quality::Thorough, Isa::best())
+        Self::with(scene, Quality::THOROUGH, Isa::best())
     }
 
     /// The hierarchy of a scene, built with care `quality`, on all

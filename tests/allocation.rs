@@ -65,7 +65,7 @@ fn the_number_of_paths_does_not_change_how_often_memory_is_asked_for() {
         let scene = Scene::new(mesh);
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
             let intersector =
-                Bvh::with(&scene, Quality::Fast, isa).unwrap();
+                Bvh::with(&scene, Quality::FAST, isa).unwrap();
             let mut job =
                 Job { intersector: &intersector, ..setting.job(1) };
             // Tiles one by one, and a tile whose samples are divided.

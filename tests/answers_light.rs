@@ -318,7 +318,7 @@ fn background(up: DVec3, triangles: &[Triangle]) -> KnownPixels {
     let faces = (0..triangles.len() as u32).collect();
     let triangles = solids::apart(triangles, faces);
     let bvh =
-        Bvh::of(triangles, Quality::Fast, Isa::best(), &|_| ()).unwrap();
+        Bvh::of(triangles, Quality::FAST, Isa::best(), &|_| ()).unwrap();
     KnownPixels::background(&camera, Sky::new(up), (64, 64), position, &bvh)
 }
 

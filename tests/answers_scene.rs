@@ -117,7 +117,7 @@ fn the_longest_component_of_up_is_the_zenith() {
 fn intersector(triangles: &[Triangle]) -> Bvh {
     let faces = (0..triangles.len() as u32).collect();
     let triangles = solids::apart(triangles, faces);
-    Bvh::of(triangles, Quality::Fast, Isa::Portable, &|_| ()).unwrap()
+    Bvh::of(triangles, Quality::FAST, Isa::Portable, &|_| ()).unwrap()
 }
 
 /// Six walls across the x axis, from `x` on, between two heights.

@@ -103,7 +103,7 @@ fn forms(scene: &Scene, qualities: &[Quality]) -> Vec<Bvh> {
         .collect()
 }
 
-const BOTH: [Quality; 2] = [Quality::Fast, Quality::Thorough];
+const BOTH: [Quality; 2] = [Quality::FAST, Quality::THOROUGH];
 
 /// A roof: two triangles that share a horizontal edge over the y axis.
 fn roof() -> Mesh {
@@ -293,11 +293,15 @@ fn triangles_are_too_small_below_the_limit_and_not_at_it() {
 
 #[test]
 fn few_rays_want_a_fast_build_and_many_a_thorough_one() {
+    assert_eq!(Quality::expecting(0, 0.), Quality::FAST);
     for triangles in [1, 1000, 10_000_000] {
         let expecting = |rays| Quality::expecting(triangles, rays);
-        assert_eq!(expecting(0.), Quality::Fast);
-        assert_eq!(expecting(499. * triangles as f64), Quality::Fast);
-        assert_eq!(expecting(501. * triangles as f64), Quality::Thorough);
-        assert_eq!(expecting(f64::INFINITY), Quality::Thorough);
+        let each = |rays: f64| expecting(rays * triangles as f64);
+        assert_eq!(expecting(0.), Quality::FAST);
+        assert_eq!(each(19.), Quality::FAST);
+        assert_eq!(each(240.).to_string(), "quality 0.24");
+        assert_ne!(each(999.), Quality::THOROUGH);
+        assert_eq!(each(1001.), Quality::THOROUGH);
+        assert_eq!(expecting(f64::INFINITY), Quality::THOROUGH);
     }
 }

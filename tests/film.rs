@@ -127,14 +127,14 @@ fn render(
 
 #[test]
 fn the_image_depends_neither_on_threads_and_passes_nor_on_the_hierarchy() {
-    let usual = (Quality::Fast, Isa::Portable);
+    let usual = (Quality::FAST, Isa::Portable);
     let film = render(1, &[8], usual);
     for (threads, passes) in [(2, &[8][..]), (7, &[8]), (3, &[1, 5, 2])] {
         assert_eq!(render(threads, passes, usual), film);
     }
     assert_ne!(render(1, &[7], usual), film);
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-        for quality in [Quality::Fast, Quality::Thorough] {
+        for quality in [Quality::FAST, Quality::THOROUGH] {
             assert_eq!(render(2, &[8], (quality, isa)), film, "{isa:?}");
         }
     }

@@ -137,7 +137,7 @@ fn a_ray_beside_a_wall_stays_on_its_side() {
     let scene = Scene::new(&apart([floor, wall].into_iter()));
     let wall = scene.triangles.get(1)[0].x;
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-        let intersector = Bvh::with(&scene, Quality::Fast, isa).unwrap();
+        let intersector = Bvh::with(&scene, Quality::FAST, isa).unwrap();
         for exponent in 25..60 {
             for side in [-1., 1.] {
                 let x = wall + side * 2f64.powi(-exponent);

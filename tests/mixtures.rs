@@ -143,7 +143,7 @@ fn a_path_does_not_enter_a_small_object_that_leans_over_a_large_one() {
         let all = leaning(side);
         let origin = DVec3::new(-0.5, 0., 0.1) * side;
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-            for quality in [Quality::Fast, Quality::Thorough] {
+            for quality in [Quality::FAST, Quality::THOROUGH] {
                 let faces = (0..all.len() as u32).collect();
                 let triangles = solids::apart(&all, faces);
                 let bvh =

@@ -143,7 +143,7 @@ fn all_instructions_answer_rays_with_the_same_bits() {
     for (i, mesh) in meshes.iter().enumerate() {
         let scene = Scene::new(mesh);
         let with =
-            |isa: Isa| Bvh::with(&scene, Quality::Thorough, isa).ok();
+            |isa: Isa| Bvh::with(&scene, Quality::THOROUGH, isa).ok();
         let intersectors: Vec<_> =
             Isa::ALL.into_iter().filter_map(with).collect();
         let (portable, others) = intersectors.split_last().unwrap();
@@ -188,7 +188,7 @@ fn rays_of_a_beam_are_answered_as_if_alone() {
     {
         let scene = Scene::new(&mesh);
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-            let bvh = Bvh::with(&scene, Quality::Fast, isa).unwrap();
+            let bvh = Bvh::with(&scene, Quality::FAST, isa).unwrap();
             let mut random = Pcg64::seed_from_u64(11);
             let mut hits = 0;
             for _ in 0..10_000 {
@@ -216,7 +216,7 @@ fn a_ray_of_nonsense_meets_nothing() {
     let o = DVec3::ZERO;
     let origins = odd.map(|x| [o.with_x(x), o.with_y(x), o.with_z(x)]);
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-        let intersector = Bvh::with(&scene, Quality::Fast, isa).unwrap();
+        let intersector = Bvh::with(&scene, Quality::FAST, isa).unwrap();
         let hit = |origin, direction| {
             let ray = Ray { origin, direction };
             let hit = intersector.first_hit(&ray, None);
@@ -270,7 +270,7 @@ fn what_is_visible_is_what_a_ray_meets_first() {
     for mesh in twice.into_iter().chain([soup(), cavity(0.2, 24)]) {
         let scene = Scene::new(&mesh);
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-            let bvh = Bvh::with(&scene, Quality::Fast, isa).unwrap();
+            let bvh = Bvh::with(&scene, Quality::FAST, isa).unwrap();
             let all = scene.triangles.to_vec();
             let mut random = Pcg64::seed_from_u64(8);
             let mut last = None;

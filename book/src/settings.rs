@@ -74,7 +74,7 @@ impl Setting {
             surfaces: Surfaces::of(self.rho),
             resolution,
         };
-        let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best());
+        let intersector = Bvh::with(&scene, Quality::THOROUGH, Isa::best());
         let intersector = intersector.expect("a hierarchy");
         let mut analysis =
             SceneAnalysis::find(&scene.left_out, &intersector, &view, kept);

@@ -164,6 +164,7 @@ impl<'a> Stack<'a> {
         if self.length > 0 {
             use super::triangle::UNIT;
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            use std::hint;
             let i = self.length - 1;
             // SAFETY: the element was below `length`, so it was written.
             let child = unsafe {
@@ -173,8 +174,11 @@ impl<'a> Stack<'a> {
             let node = wide.nodes.as_ptr().wrapping_add(child as usize);
             let words = wide.leaves.words.as_ptr();
             let leaf = words.wrapping_add(UNIT * slots(child).0 as usize);
-            let address: *const i8 =
-                if child & LEAF == 0 { node.cast() } else { leaf.cast() };
+            let address: *const i8 = hint::select_unpredictable(
+                child & LEAF == 0,
+                node.cast(),
+                leaf.cast(),
+            );
             for line in 0..8 {
                 let address = address.wrapping_add(64 * line);
                 // SAFETY: to fetch reads nothing, whatever the address.

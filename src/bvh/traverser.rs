@@ -76,9 +76,25 @@ macro_rules! traverse {
                 // SAFETY: the caller says that the instructions are there.
                 let search = unsafe {
                     walk::<$kernel, $n, false, true, false>(wide, ray, slots)
-                        .unwrap_or_else(|| self.again::<false>(ray, slots))
                 };
-                hit(wide, ray, from, &search)
+                match &search {
+                    Some(search) => hit(wide, ray, from, search),
+                    // SAFETY: as above.
+                    None => unsafe { self.nearest_again(ray, slots) },
+                }
+            }
+
+            $(#[target_feature(enable = $features)])*
+            #[cold]
+            #[inline(never)]
+            unsafe fn nearest_again(
+                &self,
+                ray: &Ray,
+                slots: (Option<u32>, u32),
+            ) -> Option<Hit> {
+                // SAFETY: as above.
+                let search = unsafe { self.again::<false>(ray, slots) };
+                hit(&self.wide, ray, slots.0, &search)
             }
 
             $(#[target_feature(enable = $features)])*

@@ -23,31 +23,32 @@ use crate::memory::reserved;
 use crate::numerics::bounds;
 use crate::scene::{Triangle, Triangles};
 
-/// How much work to put into a hierarchy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quality {
-    /// Six neighbours looked at, one improvement of 2 % of the nodes.
-    Fast,
-    /// Fourteen neighbours, two improvements of all nodes.
-    Thorough,
-}
+/// How much work to put into a hierarchy: the part of the nodes that is
+/// improved, from `FAST` to `THOROUGH`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality(f32);
 
-/// A thorough hierarchy pays from so many rays per triangle on.
-const REPAID: f64 = 500.;
-
-impl fmt::Display for Quality {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(&format!("{self:?}").to_lowercase())
-    }
-}
+/// From so many rays per triangle on, all nodes are improved.
+const REPAID: f64 = 1000.;
 
 impl Quality {
+    /// For a few rays.
+    pub const FAST: Self = Self(0.02);
+    /// For more rays per triangle than `REPAID`.
+    pub const THOROUGH: Self = Self(1.);
+
     /// The quality for which building a hierarchy of `triangles`
     /// triangles and following `rays` rays through it takes the
     /// shortest time together.
     pub fn expecting(triangles: usize, rays: f64) -> Self {
-        let repaid = rays > REPAID * triangles as f64;
-        if repaid { Self::Thorough } else { Self::Fast }
+        let part = rays / (REPAID * triangles.max(1) as f64);
+        Self((part as f32).clamp(Self::FAST.0, Self::THOROUGH.0))
+    }
+}
+
+impl fmt::Display for Quality {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "quality {:.2}", self.0)
     }
 }
 
@@ -170,11 +171,6 @@ impl Group<'_> {
 /// A binary tree over the triangles, one in each leaf. Node 0 is the
 /// root; the second child of a node follows its first.
 fn binary(group: &Group, quality: Quality) -> Vec<Bvh2Node> {
-    // Turn the quality into numbers
-    let (reach, early, parts): (_, _, &[f32]) = match quality {
-        Quality::Fast => (6, 2, &[0.02]),
-        Quality::Thorough => (14, 1, &[1., 1.]),
-    };
     // Begin with a leaf per triangle
     let count = group.corners.len();
     let order = in_morton_order(group);
@@ -183,14 +179,12 @@ fn binary(group: &Group, quality: Quality) -> Vec<Bvh2Node> {
     places.for_each(|(place, i)| {
         *place = group.single(i);
     });
-    let mut tree = join(nodes, reach, early);
+    let mut tree = join(nodes, 6, 2);
     // Improve the binary tree
     let share = (MOST_BOXES / expected_boxes(&tree.nodes)).min(1.);
     if tree.max_depth <= DEFAULT_MAX_STACK_DEPTH {
         let mut optimizer = ReinsertionOptimizer::default();
-        for &part in parts {
-            optimizer.run(&mut tree, part * share, None);
-        }
+        optimizer.run(&mut tree, quality.0 * share, None);
     }
     tree.nodes
 }

@@ -62,7 +62,7 @@ fn scenes() -> impl Iterator<Item = Scene> {
 }
 
 fn wide<const N: usize>(scene: &Scene) -> Wide<N> {
-    Wide::new(scene.triangles.clone(), Quality::Fast, &|_| ())
+    Wide::new(scene.triangles.clone(), Quality::FAST, &|_| ())
         .expect("memory for a test")
 }
 
@@ -183,7 +183,7 @@ fn check_levels<const N: usize>() {
     let scene = soup(3000);
     for above in 0..3 {
         let triangles = scene.triangles.clone();
-        let wide = Wide::under(triangles, Quality::Fast, above, &|_| ());
+        let wide = Wide::under(triangles, Quality::FAST, above, &|_| ());
         check::<N>(&scene, &wide.expect("memory for a test"));
     }
 }

@@ -367,7 +367,7 @@ impl Case {
     }
 }
 
-const QUALITIES: [Quality; 2] = [Quality::Fast, Quality::Thorough];
+const QUALITIES: [Quality; 2] = [Quality::FAST, Quality::THOROUGH];
 
 /// An error must say something, in one line, to whoever reads it.
 fn refused(error: &impl std::fmt::Display) -> Result<(), String> {

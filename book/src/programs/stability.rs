@@ -211,7 +211,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
     let entrance = scene.frame.entrance(camera.position);
     let sensor = &Sensor::Camera(camera, entrance);
     let render = |isa, threads| -> Result<Film, Box<dyn Error>> {
-        let intersector = Bvh::with(&scene, Quality::Fast, isa)?;
+        let intersector = Bvh::with(&scene, Quality::FAST, isa)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
         let mut job = Job {
             sensor,

@@ -64,7 +64,7 @@ pub fn run(arguments: &[String]) -> Done {
     let mesh = read_obj(&fs::read(input)?)?;
     let (scene, triangles) = (Scene::new(&mesh), mesh.triangles.len());
     drop(mesh);
-    let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;
+    let intersector = Bvh::with(&scene, Quality::THOROUGH, Isa::best())?;
     let walk = record(&scene, &intersector, &arguments)?;
     let mut contenders = vec![Contender {
         name: "litpt",

@@ -411,9 +411,9 @@ fn bvhs(
 ) -> Result<Vec<(String, Bvh)>, String> {
     let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
     let mut ways: Vec<_> =
-        isas.map(|isa| (isa, Quality::Fast, false)).collect();
-    ways.push((Isa::best(), Quality::Thorough, true));
-    ways.push((Isa::Portable, Quality::Fast, true));
+        isas.map(|isa| (isa, Quality::FAST, false)).collect();
+    ways.push((Isa::best(), Quality::THOROUGH, true));
+    ways.push((Isa::Portable, Quality::FAST, true));
     let build = |(isa, quality, mixed): (Isa, Quality, bool)| {
         let all = &scene.triangles;
         let mut order: Vec<_> = (0..all.len()).collect();
