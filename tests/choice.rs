@@ -223,23 +223,23 @@ fn an_explanation_says_which_method_and_why() {
     assert!(coarse.starts_with("method       reference: a"), "{coarse}");
 }
 
-/// A room is dark, so that few samples have a small error and no thorough
-/// hierarchy pays for them; seen from outside, a sample says less.
+/// A room is dark, so that few samples have a small error and the hierarchy
+/// is built for them; seen from outside, a sample says less.
 #[test]
 fn a_hierarchy_is_built_for_the_samples_of_an_error() {
     let place = Scratch::new();
-    let hierarchy = |options: &str| {
-        let report = report(&place, &format!("{options} -d32x24 -n64"));
-        report["settings"]["hierarchy"].clone()
-    };
     let expected = [
-        ("--error=0.01", 0.06),
-        ("--error=0.002", 0.58),
-        ("-p0,-5,0 -t0,0,0 --error=0.1", 0.48),
-        ("-p0,-5,0 -t0,0,0 --error=0.5", 0.08),
+        ("--error=0.01", 1., 5.),
+        ("--error=0.005", 1.44, 5.),
+        ("-p0,-5,0 -t0,0,0 --error=0.1", 6.25, 1.8),
+        ("-p0,-5,0 -t0,0,0 --error=0.5", 1., 1.8),
     ];
-    for (options, quality) in expected {
-        assert_eq!(hierarchy(options), format!("quality {quality:.2}"));
+    for (options, samples, rays) in expected {
+        let report = report(&place, &format!("{options} -d32x24 -n64"));
+        let triangles = report["scene"]["triangles"].as_f64().unwrap();
+        let quality = 0.768 * samples * rays / triangles;
+        let expected = format!("quality {quality:.2}");
+        assert_eq!(report["settings"]["hierarchy"], expected);
     }
 }
 

@@ -69,7 +69,7 @@ fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
         let (seconds, _) = rest.split_once(" s").expect(room);
         assert!(seconds.parse::<f64>().unwrap() >= 0.);
     }
-    let built = format!(" s (quality 0.02, {})", Isa::best());
+    let built = format!(" s (quality 0.06, {})", Isa::best());
     assert!(texts[3].ends_with(&built), "{}", texts[3]);
     assert_eq!(texts[4], "uniform, zenith z");
 }

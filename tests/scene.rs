@@ -290,6 +290,42 @@ fn a_stray_vertex_does_not_change_the_scene() {
     assert_eq!(ray(&stray).unwrap().origin, ray(&plain).unwrap().origin);
 }
 
+/// Coordinates are whole numbers from 0 to 1024, of which a third of a unit,
+/// in one corner of an axis, is rounded if the scene is moved along it.
+#[test]
+fn a_scene_is_moved_along_the_axes_that_round_no_corner() {
+    for rounding in 0..8 {
+        let rounds = [0, 1, 2].map(|axis| rounding >> axis & 1 != 0);
+        let mut random = Random(1 + rounding);
+        let mut whole = || random.below(1025) as f64;
+        let mut corner = |_| DVec3::new(whole(), whole(), whole());
+        let mut vertices = Vec::from_iter((0..9000).map(&mut corner));
+        (vertices[0], vertices[1]) = (DVec3::ZERO, DVec3::splat(1024.));
+        for axis in (0..3).filter(|&axis| rounds[axis]) {
+            vertices[3000 * axis + 1500][axis] = 1. / 3.;
+        }
+        let mesh = Mesh {
+            triangles: (0..3000)
+                .map(|i| [0, 1, 2].map(|k| 3 * i + k))
+                .collect(),
+            vertices,
+            joined: vec![],
+            marks: vec![],
+        };
+        let scene = Scene::new(&mesh);
+        let placed = scene.triangles.to_vec();
+        assert_eq!(placed.len(), 3000);
+        let middle = DVec3::from(rounds.map(|r| if r { 0. } else { 512. }));
+        let scale = (placed[0][1] - placed[0][0]).x / 1024.;
+        assert_eq!(scale.log2().exp2(), scale);
+        for (corner, vertex) in
+            placed.as_flattened().iter().zip(&mesh.vertices)
+        {
+            assert_eq!(*corner, (vertex - middle) * scale, "{rounds:?}");
+        }
+    }
+}
+
 #[test]
 fn the_triangles_with_area_keep_their_order() {
     let in_line = [DVec3::splat(0.25), DVec3::splat(0.5)];
