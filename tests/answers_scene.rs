@@ -134,7 +134,10 @@ fn walls(x: f64, low: f64, high: f64) -> impl Iterator<Item = Triangle> {
 fn the_order_of_an_octant_may_be_wrong_and_the_hit_is_right() {
     let sum = |x: f64, y: f64| x + y;
     assert!(sum(0., 10.) > sum(5., 0.));
-    let walls = walls(0., 10., 11.).chain(walls(5., 0., 20.));
+    // The ray enters the box C and passes by what is in it.
+    let aside = |wall: Triangle| wall.map(|p| p + 8. * DVec3::Z);
+    let c = walls(-0.5, 10., 11.).take(2).map(aside);
+    let walls = walls(0., 10., 11.).chain(walls(5., 0., 20.)).chain(c);
     let intersector = intersector(&walls.collect::<Vec<_>>());
     let origin = DVec3::new(-1., 10.4, 0.);
     let direction = DVec3::new(1., 0.01, 0.).normalize();

@@ -9,7 +9,7 @@
 use std::arch::x86_64::*;
 use std::mem::transmute;
 
-use super::traversal::{Kernel, Meet, Met, Slabs, Stack, interval};
+use super::traversal::{Kernel, Meet, Met, Slabs, Stack, interval, keys};
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
 
@@ -26,35 +26,42 @@ impl Kernel<8> for Vectors {
     ) -> Option<u32> {
         let interval = interval(node, slabs, t_max, fused);
         // SAFETY: the processor has the instructions, and there is room for
-        // eight, says the caller; all but one of those in the mask are left
+        // eight, says the caller; all but one of those entered are left
         // there. What is transmuted are eight numbers.
         unsafe {
             let [t_near, t_far]: [__m256; 2] = transmute(interval);
             let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t_near, t_far);
-            if _mm256_movemask_ps(met) == 0 {
+            let count = _mm256_movemask_ps(met).count_ones();
+            if count == 0 {
                 return None;
             }
-            // Compare eight boxes in the octant's order
-            let shift = _mm_cvtsi32_si128(slabs.shift as i32);
-            let order: __m256i = transmute(node.order);
-            let order = _mm256_srl_epi32(order, shift);
-            let t_near = _mm256_permutevar8x32_ps(t_near, order);
-            let t_far = _mm256_permutevar8x32_ps(t_far, order);
-            let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t_near, t_far);
-            let mask = _mm256_movemask_ps(met) as u32;
-            // Store all but the nearest child
-            let children: __m256i = transmute(node.children);
-            let children = _mm256_permutevar8x32_epi32(children, order);
-            let pack: __m256i = transmute(PACK[mask as usize & 255]);
-            let packed = _mm256_permutevar8x32_epi32(children, pack);
-            let (top, distances) = stack.top::<8>();
-            _mm256_storeu_si256(top.cast(), packed);
-            let packed = _mm256_permutevar8x32_ps(t_near, pack);
-            _mm256_storeu_ps(distances, packed);
-            stack.grow(mask.count_ones() as usize - 1);
-            let last = _mm256_set1_epi32(31 - mask.leading_zeros() as i32);
-            let child = _mm256_permutevar8x32_epi32(children, last);
-            Some(_mm256_cvtsi256_si32(child) as u32)
+            let keys = keys(&interval);
+            let least = keys.into_iter().fold(u32::MAX, u32::min);
+            if count > 1 {
+                // Find the other boxes of eight that are entered
+                let shift = _mm_cvtsi32_si128(slabs.shift as i32);
+                let order: __m256i = transmute(node.order);
+                let order = _mm256_srl_epi32(order, shift);
+                let keys =
+                    _mm256_permutevar8x32_epi32(transmute(keys), order);
+                let are = |key: u32| {
+                    _mm256_cmpeq_epi32(keys, _mm256_set1_epi32(key as i32))
+                };
+                let out = _mm256_or_si256(are(least), are(u32::MAX));
+                let mask = !_mm256_movemask_ps(_mm256_castsi256_ps(out));
+                // Store all but the nearest child
+                let children: __m256i = transmute(node.children);
+                let children = _mm256_permutevar8x32_epi32(children, order);
+                let pack: __m256i = transmute(PACK[mask as usize & 255]);
+                let packed = _mm256_permutevar8x32_epi32(children, pack);
+                let (top, distances) = stack.top::<8>();
+                _mm256_storeu_si256(top.cast(), packed);
+                let t_near = _mm256_permutevar8x32_ps(t_near, order);
+                let packed = _mm256_permutevar8x32_ps(t_near, pack);
+                _mm256_storeu_ps(distances, packed);
+                stack.grow(count as usize - 1);
+            }
+            Some(*node.children.get_unchecked(least as usize & 7))
         }
     }
 }
@@ -150,29 +157,37 @@ impl Kernel<16> for Vectors {
         // SAFETY: as for eight lanes.
         unsafe {
             let [t_near, t_far]: [__m512; 2] = transmute(interval);
-            if _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t_near, t_far) == 0 {
+            let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t_near, t_far);
+            if met == 0 {
                 return None;
             }
-            // Compare sixteen boxes in the octant's order
-            let shift = _mm_cvtsi32_si128(slabs.shift as i32);
-            let order: __m512i = transmute(node.order);
-            let order = _mm512_srl_epi32(order, shift);
-            let t_near = _mm512_permutexvar_ps(order, t_near);
-            let t_far = _mm512_permutexvar_ps(order, t_far);
-            let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t_near, t_far);
-            // Store all but the nearest of sixteen
-            let children: __m512i = transmute(node.children);
-            let children = _mm512_permutexvar_epi32(order, children);
-            let mask = u32::from(met);
-            let (top, distances) = stack.top::<16>();
-            let packed = _mm512_maskz_compress_epi32(met, children);
-            _mm512_storeu_si512(top.cast(), packed);
-            let packed = _mm512_maskz_compress_ps(met, t_near);
-            _mm512_storeu_ps(distances, packed);
-            stack.grow(mask.count_ones() as usize - 1);
-            let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
-            let child = _mm512_permutexvar_epi32(last, children);
-            Some(_mm512_cvtsi512_si32(child) as u32)
+            let keys: __m512i = transmute(keys(&interval));
+            let least = _mm512_reduce_min_epu32(keys);
+            if met.count_ones() > 1 {
+                // Find the other boxes of sixteen that are entered
+                let shift = _mm_cvtsi32_si128(slabs.shift as i32);
+                let order: __m512i = transmute(node.order);
+                let order = _mm512_srl_epi32(order, shift);
+                let keys = _mm512_permutexvar_epi32(order, keys);
+                let are_not = |key: u32| {
+                    _mm512_cmpneq_epi32_mask(
+                        keys,
+                        _mm512_set1_epi32(key as i32),
+                    )
+                };
+                let others = are_not(least) & are_not(u32::MAX);
+                // Store all but the nearest of sixteen
+                let children: __m512i = transmute(node.children);
+                let children = _mm512_permutexvar_epi32(order, children);
+                let t_near = _mm512_permutexvar_ps(order, t_near);
+                let (top, distances) = stack.top::<16>();
+                let packed = _mm512_maskz_compress_epi32(others, children);
+                _mm512_storeu_si512(top.cast(), packed);
+                let packed = _mm512_maskz_compress_ps(others, t_near);
+                _mm512_storeu_ps(distances, packed);
+                stack.grow(met.count_ones() as usize - 1);
+            }
+            Some(*node.children.get_unchecked(least as usize & 15))
         }
     }
 }

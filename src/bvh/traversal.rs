@@ -436,8 +436,18 @@ pub fn interval<const N: usize>(
     [t_near, t_far]
 }
 
-/// Pushes the children that are entered from far to near, but returns
-/// the nearest.
+/// A number for each box, which grows with the distance where it is entered
+/// and has its lane in the last bits; `u32::MAX` if it is not entered.
+#[inline(always)]
+pub fn keys<const N: usize>([t_near, t_far]: &[[f32; N]; 2]) -> [u32; N] {
+    array::from_fn(|i| {
+        let key = t_near[i].to_bits() & !(N as u32 - 1) | i as u32;
+        if t_near[i] <= t_far[i] { key } else { u32::MAX }
+    })
+}
+
+/// Pushes the children that are entered, from far to near in the octant's
+/// order, but returns the nearest.
 ///
 /// # Safety
 /// No more than `STACK - N` children wait.
@@ -445,25 +455,23 @@ pub fn interval<const N: usize>(
 pub unsafe fn push<const N: usize>(
     node: &Node<N>,
     shift: u32,
-    [t_near, t_far]: [[f32; N]; 2],
+    interval: [[f32; N]; 2],
     stack: &mut Stack,
 ) -> Option<u32> {
-    let bit = |i: usize| u32::from(t_near[i] <= t_far[i]) << i;
-    let mask: u32 = (0..N).map(bit).sum();
-    if mask == 0 {
+    let keys = keys(&interval);
+    let least = keys.into_iter().fold(u32::MAX, u32::min);
+    if least == u32::MAX {
         return None;
     }
     // Push from far to near
-    let slots = node.order.iter();
-    let slots = slots.map(|order| (order >> shift) as usize & (N - 1));
-    let mut met = slots.filter(|slot| mask >> slot & 1 != 0);
-    let mut next = met.next()?;
-    for slot in met {
-        // SAFETY: fewer than `N` children are pushed.
-        unsafe { stack.push(node.children[next], t_near[next]) };
-        next = slot;
+    for order in node.order {
+        let slot = (order >> shift) as usize & (N - 1);
+        if ![least, u32::MAX].contains(&keys[slot]) {
+            // SAFETY: fewer than `N` children are pushed.
+            unsafe { stack.push(node.children[slot], interval[0][slot]) };
+        }
     }
-    Some(node.children[next])
+    Some(node.children[least as usize & (N - 1)])
 }
 
 /// The distance of the plane `b`, with two roundings.
