@@ -9,7 +9,8 @@
 use std::arch::x86_64::*;
 use std::mem::transmute;
 
-use super::traversal::{Kernel, Meet, Met, Slabs, Stack, interval, keys};
+use super::traversal::{Kernel, Meet, Met, SORTED, Slabs, Stack};
+use super::traversal::{interval, keys};
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
 
@@ -38,7 +39,7 @@ impl Kernel<8> for Vectors {
             let keys = keys(&interval);
             let least = keys.into_iter().fold(u32::MAX, u32::min);
             if count > 1 {
-                // Find the other boxes of eight that are entered
+                // Pack the other keys of eight
                 let shift = _mm_cvtsi32_si128(slabs.shift as i32);
                 let order: __m256i = transmute(node.order);
                 let order = _mm256_srl_epi32(order, shift);
@@ -49,17 +50,22 @@ impl Kernel<8> for Vectors {
                 };
                 let out = _mm256_or_si256(are(least), are(u32::MAX));
                 let mask = !_mm256_movemask_ps(_mm256_castsi256_ps(out));
-                // Store all but the nearest child
-                let children: __m256i = transmute(node.children);
-                let children = _mm256_permutevar8x32_epi32(children, order);
+                let keys = _mm256_andnot_si256(out, keys);
                 let pack: __m256i = transmute(PACK[mask as usize & 255]);
-                let packed = _mm256_permutevar8x32_epi32(children, pack);
+                let mut keys = _mm256_permutevar8x32_epi32(keys, pack);
+                // Store all but the nearest child
+                let waiting = count as usize - 1;
+                if waiting <= SORTED {
+                    let few = sorted(_mm256_castsi256_si128(keys));
+                    keys = _mm256_zextsi128_si256(few);
+                }
+                let children: __m256i = transmute(node.children);
+                let children = _mm256_permutevar8x32_epi32(children, keys);
                 let (top, distances) = stack.top::<8>();
-                _mm256_storeu_si256(top.cast(), packed);
-                let t_near = _mm256_permutevar8x32_ps(t_near, order);
-                let packed = _mm256_permutevar8x32_ps(t_near, pack);
-                _mm256_storeu_ps(distances, packed);
-                stack.grow(count as usize - 1);
+                _mm256_storeu_si256(top.cast(), children);
+                let keys = _mm256_andnot_si256(_mm256_set1_epi32(7), keys);
+                _mm256_storeu_si256(distances.cast(), keys);
+                stack.grow(waiting);
             }
             Some(*node.children.get_unchecked(least as usize & 7))
         }
@@ -164,7 +170,7 @@ impl Kernel<16> for Vectors {
             let keys: __m512i = transmute(keys(&interval));
             let least = _mm512_reduce_min_epu32(keys);
             if met.count_ones() > 1 {
-                // Find the other boxes of sixteen that are entered
+                // Pack the other keys of sixteen
                 let shift = _mm_cvtsi32_si128(slabs.shift as i32);
                 let order: __m512i = transmute(node.order);
                 let order = _mm512_srl_epi32(order, shift);
@@ -176,16 +182,20 @@ impl Kernel<16> for Vectors {
                     )
                 };
                 let others = are_not(least) & are_not(u32::MAX);
+                let mut keys = _mm512_maskz_compress_epi32(others, keys);
                 // Store all but the nearest of sixteen
+                let waiting = met.count_ones() as usize - 1;
+                if waiting <= SORTED {
+                    let few = sorted(_mm512_castsi512_si128(keys));
+                    keys = _mm512_zextsi128_si512(few);
+                }
                 let children: __m512i = transmute(node.children);
-                let children = _mm512_permutexvar_epi32(order, children);
-                let t_near = _mm512_permutexvar_ps(order, t_near);
+                let children = _mm512_permutexvar_epi32(keys, children);
                 let (top, distances) = stack.top::<16>();
-                let packed = _mm512_maskz_compress_epi32(others, children);
-                _mm512_storeu_si512(top.cast(), packed);
-                let packed = _mm512_maskz_compress_ps(others, t_near);
-                _mm512_storeu_ps(distances, packed);
-                stack.grow(met.count_ones() as usize - 1);
+                _mm512_storeu_si512(top.cast(), children);
+                let keys = _mm512_andnot_si512(_mm512_set1_epi32(15), keys);
+                _mm512_storeu_si512(distances.cast(), keys);
+                stack.grow(waiting);
             }
             Some(*node.children.get_unchecked(least as usize & 15))
         }
@@ -198,11 +208,13 @@ pub fn fused(b: f32, inverse: f32, start: f32) -> f32 {
     b.mul_add(inverse, -start)
 }
 
-/// For each mask, the permutation that moves its lanes to the front.
+/// For each mask, the permutation that moves its lanes to the front, and
+/// another lane behind them.
 const PACK: [[u32; 8]; 256] = {
     let mut table = [[0; 8]; 256];
     let mut mask = 0;
     while mask < 256 {
+        table[mask] = [mask.trailing_ones() % 8; 8];
         let (mut lane, mut place) = (0, 0);
         while lane < 8 {
             if mask >> lane & 1 != 0 {
@@ -215,3 +227,23 @@ const PACK: [[u32; 8]; 256] = {
     }
     table
 };
+
+/// Four numbers, the largest first.
+#[inline(always)]
+unsafe fn sorted(four: __m128i) -> __m128i {
+    // SAFETY: the processor has the instructions, says the caller.
+    unsafe {
+        let beside = _mm_shuffle_epi32::<0b10_11_00_01>(four);
+        let [a, b] =
+            [_mm_max_epu32(four, beside), _mm_min_epu32(four, beside)];
+        let four = _mm_blend_epi32::<0b1010>(a, b);
+        let across = _mm_shuffle_epi32::<0b00_01_10_11>(four);
+        let [a, b] =
+            [_mm_max_epu32(four, across), _mm_min_epu32(four, across)];
+        let four = _mm_blend_epi32::<0b1100>(a, b);
+        let beside = _mm_shuffle_epi32::<0b10_11_00_01>(four);
+        let [a, b] =
+            [_mm_max_epu32(four, beside), _mm_min_epu32(four, beside)];
+        _mm_blend_epi32::<0b1010>(a, b)
+    }
+}

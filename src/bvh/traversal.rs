@@ -88,7 +88,7 @@ pub fn is_within_bounds(ray: &Ray) -> bool {
 /// Room for children that wait.
 pub struct Waiting {
     children: [MaybeUninit<u32>; STACK],
-    /// Where the ray enters their boxes.
+    /// Where the ray enters their boxes, or a little before.
     distances: [MaybeUninit<f32>; STACK],
 }
 
@@ -446,8 +446,8 @@ pub fn keys<const N: usize>([t_near, t_far]: &[[f32; N]; 2]) -> [u32; N] {
     })
 }
 
-/// Pushes the children that are entered, from far to near in the octant's
-/// order, but returns the nearest.
+/// Pushes the children that are entered, from far to near, in the octant's
+/// order if they are more than `SORTED`, but returns the nearest.
 ///
 /// # Safety
 /// No more than `STACK - N` children wait.
@@ -464,15 +464,29 @@ pub unsafe fn push<const N: usize>(
         return None;
     }
     // Push from far to near
+    let mut waiting = [0; N];
+    let mut count = 0;
     for order in node.order {
-        let slot = (order >> shift) as usize & (N - 1);
-        if ![least, u32::MAX].contains(&keys[slot]) {
-            // SAFETY: fewer than `N` children are pushed.
-            unsafe { stack.push(node.children[slot], interval[0][slot]) };
+        let key = keys[(order >> shift) as usize & (N - 1)];
+        if ![least, u32::MAX].contains(&key) {
+            waiting[count] = key;
+            count += 1;
         }
+    }
+    if count <= SORTED {
+        waiting[..count].sort_unstable_by(|a, b| b.cmp(a));
+    }
+    for key in &waiting[..count] {
+        let lane = key & (N as u32 - 1);
+        let distance = f32::from_bits(key - lane);
+        // SAFETY: fewer than `N` children are pushed.
+        unsafe { stack.push(node.children[lane as usize], distance) };
     }
     Some(node.children[least as usize & (N - 1)])
 }
+
+/// As many children that wait are sorted by their keys.
+pub const SORTED: usize = 4;
 
 /// The distance of the plane `b`, with two roundings.
 #[inline(always)]
