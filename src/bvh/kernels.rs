@@ -43,8 +43,8 @@ impl Kernel<8> for Vectors {
                 let shift = _mm_cvtsi32_si128(slabs.shift as i32);
                 let order: __m256i = transmute(node.order);
                 let order = _mm256_srl_epi32(order, shift);
-                let keys =
-                    _mm256_permutevar8x32_epi32(transmute(keys), order);
+                let keys: __m256i = transmute(keys);
+                let keys = _mm256_permutevar8x32_epi32(keys, order);
                 let are = |key: u32| {
                     _mm256_cmpeq_epi32(keys, _mm256_set1_epi32(key as i32))
                 };
