@@ -229,6 +229,9 @@ const PACK: [[u32; 8]; 256] = {
 };
 
 /// Four numbers, the largest first.
+///
+/// # Safety
+/// The processor has the instructions.
 #[inline(always)]
 unsafe fn sorted(four: __m128i) -> __m128i {
     // SAFETY: the processor has the instructions, says the caller.
