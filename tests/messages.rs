@@ -69,6 +69,7 @@ fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
         let (seconds, _) = rest.split_once(" s").expect(room);
         assert!(seconds.parse::<f64>().unwrap() >= 0.);
     }
+    // These 120 rays are expected, for two triangles.
     let built = format!(" s (quality 0.06, {})", Isa::best());
     assert!(texts[3].ends_with(&built), "{}", texts[3]);
     assert_eq!(texts[4], "uniform, zenith z");
