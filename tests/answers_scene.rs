@@ -120,30 +120,27 @@ fn intersector(triangles: &[Triangle]) -> Bvh {
     Bvh::of(triangles, Quality::FAST, Isa::Portable, &|_| ()).unwrap()
 }
 
-/// Six walls across the x axis, from `x` on, between two heights.
-fn walls(x: f64, low: f64, high: f64) -> impl Iterator<Item = Triangle> {
-    (0..6).map(move |i| {
-        let x = x + 0.1 * f64::from(i);
-        let top = DVec3::new(x, high, 0.);
-        let [left, right] = [-9., 9.].map(|z| DVec3::new(x, low, z));
-        [left, right, top]
-    })
-}
-
 #[test]
-fn the_order_of_an_octant_may_be_wrong_and_the_hit_is_right() {
-    let sum = |x: f64, y: f64| x + y;
-    assert!(sum(0., 10.) > sum(5., 0.));
-    // The ray enters the box C and passes by what is in it.
-    let aside = |wall: Triangle| wall.map(|p| p + 8. * DVec3::Z);
-    let c = walls(-0.5, 10., 11.).take(2).map(aside);
-    let walls = walls(0., 10., 11.).chain(walls(5., 0., 20.)).chain(c);
-    let intersector = intersector(&walls.collect::<Vec<_>>());
-    let origin = DVec3::new(-1., 10.4, 0.);
-    let direction = DVec3::new(1., 0.01, 0.).normalize();
-    let hit = intersector.first_hit(&Ray { origin, direction }, None);
-    let point = hit.unwrap().point;
-    assert!(point.abs_diff_eq(DVec3::new(0., 10.41, 0.), 1e-9));
+fn the_box_entered_first_may_not_have_the_nearest_hit() {
+    // Triangles that are lines from `a` to `b` where z = 0.
+    let across = |[a, b]: [(f64, f64); 2]| {
+        let [left, right] = [-9., 9.].map(|z| DVec3::new(a.0, a.1, z));
+        [left, right, DVec3::new(b.0, b.1, 0.)]
+    };
+    let slanting = across([(0., 11.), (6., 10.)]);
+    let upright = across([(2., 0.), (2., 20.)]);
+    let intersector = intersector(&[slanting, upright]);
+    let met = |height: f64| {
+        let origin = DVec3::new(-1., height, 0.);
+        let direction = DVec3::new(1., 0.01, 0.).normalize();
+        let hit = intersector.first_hit(&Ray { origin, direction }, None);
+        let hit = hit.unwrap();
+        (intersector.face(hit.primitive), hit.point)
+    };
+    let (face, point) = met(10.4);
+    assert_eq!(face, 1);
+    assert!(point.abs_diff_eq(DVec3::new(2., 10.43, 0.), 1e-9));
+    assert_eq!([10.636, 10.637].map(|height| met(height).0), [1, 0]);
 }
 
 #[test]

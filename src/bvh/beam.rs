@@ -10,7 +10,8 @@ use glam::DVec3;
 use super::intersector::{BEAM, Batch, Hit};
 use super::spawn::hit;
 use super::traversal::{Kernel, ROUGH, Slabs, Stack, Waiting};
-use super::traversal::{distance, is_within_bounds, look, prepare};
+use super::traversal::{distance, interval, is_within_bounds, keys, look};
+use super::traversal::{prepare, push};
 use super::triangle::{LEAF, NONE, Region, slots};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -24,7 +25,7 @@ struct Beam {
     exit: [[f32; BEAM]; 3],
     /// The end of each ray, negative for rays that are missing.
     t_max: [f32; BEAM],
-    /// Those of the first ray, whose rows and octant are those of all.
+    /// Those of the first ray, whose rows are those of all.
     slabs: Slabs,
     /// Below and above along two axes.
     sides: [[Side; 2]; 2],
@@ -64,7 +65,7 @@ impl Beam {
             let near = region.beyond(ray.origin) <= ROUGH * region.reach;
             if !(near
                 && is_within_bounds(ray)
-                && slabs.shift == self.slabs.shift)
+                && slabs.enter == self.slabs.enter)
             {
                 return None;
             }
@@ -114,9 +115,9 @@ impl Beam {
 const MOST_SLOPE: f64 = 1.25;
 
 impl Beam {
-    /// Which boxes of a node the beam enters.
+    /// The keys of a node's boxes, for those that the beam enters.
     #[inline(always)]
-    fn enter<const N: usize>(&self, node: &Node<N>) -> u32 {
+    fn enter<const N: usize>(&self, node: &Node<N>) -> [u32; N] {
         let (row, sign, bound) = self.start;
         let mut room = node.planes[row].map(|b| b * sign - bound);
         for (sides, sign) in self.sides.iter().zip([1., -1.]) {
@@ -128,7 +129,9 @@ impl Beam {
                 }
             }
         }
-        (0..N).map(|i| u32::from(room[i] >= 0.) << i).sum()
+        let infinity = f32::INFINITY;
+        let [near, _] = interval(node, &self.slabs, infinity, distance);
+        keys(&[near, room.map(|r| if r >= 0. { infinity } else { -1. })])
     }
 
     /// Which rays enter the box in a lane of a node.
@@ -180,18 +183,14 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
     let mut number = 0;
     'walk: loop {
         // Push the children that the beam enters
-        let node = &wide.nodes[number as usize];
-        let mask = beam.enter(node);
-        for order in node.order {
-            let lane = order >> beam.slabs.shift & (N as u32 - 1);
-            if mask >> lane & 1 != 0 {
-                // SAFETY: no hierarchy is so deep that less than `N` are left.
-                unsafe { stack.push(number * N as u32 + lane, 0.) };
-            }
-        }
+        let keys = beam.enter(&wide.nodes[number as usize]);
+        let places = array::from_fn(|i| number * N as u32 + i as u32);
+        // SAFETY: no hierarchy is so deep that less than `N` are left.
+        unsafe { push(&places, keys, u32::MAX, &mut stack) };
         // Go on to the next node with active rays
         number = loop {
-            let Some(place) = stack.pop(0.) else { break 'walk };
+            let place = stack.pop(f32::INFINITY);
+            let Some(place) = place else { break 'walk };
             let (number, lane) = (place as usize / N, place as usize % N);
             let node = &wide.nodes[number];
             let mut active = beam.active(node, lane);

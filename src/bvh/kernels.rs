@@ -9,7 +9,7 @@
 use std::arch::x86_64::*;
 use std::mem::transmute;
 
-use super::traversal::{Kernel, Meet, Met, SORTED, Slabs, Stack};
+use super::traversal::{Kernel, Meet, Met, Slabs, Stack};
 use super::traversal::{interval, keys};
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
@@ -40,11 +40,7 @@ impl Kernel<8> for Vectors {
             let least = keys.into_iter().fold(u32::MAX, u32::min);
             if count > 1 {
                 // Pack the other keys of eight
-                let shift = _mm_cvtsi32_si128(slabs.shift as i32);
-                let order: __m256i = transmute(node.order);
-                let order = _mm256_srl_epi32(order, shift);
                 let keys: __m256i = transmute(keys);
-                let keys = _mm256_permutevar8x32_epi32(keys, order);
                 let are = |key: u32| {
                     _mm256_cmpeq_epi32(keys, _mm256_set1_epi32(key as i32))
                 };
@@ -170,20 +166,9 @@ impl Kernel<16> for Vectors {
             let keys: __m512i = transmute(keys(&interval));
             let least = _mm512_reduce_min_epu32(keys);
             if met.count_ones() > 1 {
-                // Pack the other keys of sixteen
-                let shift = _mm_cvtsi32_si128(slabs.shift as i32);
-                let order: __m512i = transmute(node.order);
-                let order = _mm512_srl_epi32(order, shift);
-                let keys = _mm512_permutexvar_epi32(order, keys);
-                let are_not = |key: u32| {
-                    _mm512_cmpneq_epi32_mask(
-                        keys,
-                        _mm512_set1_epi32(key as i32),
-                    )
-                };
-                let others = are_not(least) & are_not(u32::MAX);
-                let mut keys = _mm512_maskz_compress_epi32(others, keys);
                 // Store all but the nearest of sixteen
+                let others = met & !(1 << (least & 15));
+                let mut keys = _mm512_maskz_compress_epi32(others, keys);
                 let waiting = met.count_ones() as usize - 1;
                 if waiting <= SORTED {
                     let few = sorted(_mm512_castsi512_si128(keys));
@@ -227,6 +212,9 @@ const PACK: [[u32; 8]; 256] = {
     }
     table
 };
+
+/// As many children that wait are sorted by their keys.
+const SORTED: usize = 4;
 
 /// Four numbers, the largest first.
 ///

@@ -30,9 +30,6 @@ pub struct Slabs {
     pub enter: [usize; 3],
     /// The rows by which it leaves.
     pub leave: [usize; 3],
-    /// Four times the octant, whose bit k says that d of axis k is not
-    /// negative.
-    pub shift: u32,
 }
 
 impl Slabs {
@@ -46,7 +43,6 @@ impl Slabs {
         let up = direction.map(|d| usize::from(d >= 0.));
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
         let leave = array::from_fn(|i| i + 3 * up[i]);
-        let shift = 4 * (up[0] | up[1] << 1 | up[2] << 2) as u32;
         let (mut entry, mut exit) = (start, start);
         // Move planes apart for distant rays
         let beyond = region.beyond(ray.origin);
@@ -56,7 +52,7 @@ impl Slabs {
             entry = array::from_fn(|i| start[i] + aside[i]);
             exit = array::from_fn(|i| start[i] - aside[i]);
         }
-        Self { inverse, entry, exit, enter, leave, shift }
+        Self { inverse, entry, exit, enter, leave }
     }
 }
 
@@ -446,47 +442,34 @@ pub fn keys<const N: usize>([t_near, t_far]: &[[f32; N]; 2]) -> [u32; N] {
     })
 }
 
-/// Pushes the children that are entered, from far to near, in the octant's
-/// order if they are more than `SORTED`, but returns the nearest.
+/// Pushes the children that have a key, but for the least, from far to
+/// near.
 ///
 /// # Safety
 /// No more than `STACK - N` children wait.
 #[inline(always)]
 pub unsafe fn push<const N: usize>(
-    node: &Node<N>,
-    shift: u32,
-    interval: [[f32; N]; 2],
+    children: &[u32; N],
+    keys: [u32; N],
+    least: u32,
     stack: &mut Stack,
-) -> Option<u32> {
-    let keys = keys(&interval);
-    let least = keys.into_iter().fold(u32::MAX, u32::min);
-    if least == u32::MAX {
-        return None;
-    }
+) {
+    let others = |key: &u32| ![least, u32::MAX].contains(key);
     // Push from far to near
     let mut waiting = [0; N];
     let mut count = 0;
-    for order in node.order {
-        let key = keys[(order >> shift) as usize & (N - 1)];
-        if ![least, u32::MAX].contains(&key) {
-            waiting[count] = key;
-            count += 1;
-        }
+    for key in keys.into_iter().filter(others) {
+        waiting[count] = key;
+        count += 1;
     }
-    if count <= SORTED {
-        waiting[..count].sort_unstable_by(|a, b| b.cmp(a));
-    }
+    waiting[..count].sort_unstable_by(|a, b| b.cmp(a));
     for key in &waiting[..count] {
         let lane = key & (N as u32 - 1);
         let distance = f32::from_bits(key - lane);
-        // SAFETY: fewer than `N` children are pushed.
-        unsafe { stack.push(node.children[lane as usize], distance) };
+        // SAFETY: no more than `N` children are pushed.
+        unsafe { stack.push(children[lane as usize], distance) };
     }
-    Some(node.children[least as usize & (N - 1)])
 }
-
-/// As many children that wait are sorted by their keys.
-pub const SORTED: usize = 4;
 
 /// The distance of the plane `b`, with two roundings.
 #[inline(always)]
@@ -505,9 +488,14 @@ impl<const N: usize> Kernel<N> for Portable {
         t_max: f32,
         stack: &mut Stack,
     ) -> Option<u32> {
-        let interval = interval(node, slabs, t_max, distance);
+        let keys = keys(&interval(node, slabs, t_max, distance));
+        let least = keys.into_iter().fold(u32::MAX, u32::min);
+        if least == u32::MAX {
+            return None;
+        }
         // SAFETY: there is room for `N`, says the caller.
-        unsafe { push(node, slabs.shift, interval, stack) }
+        unsafe { push(&node.children, keys, least, stack) };
+        Some(node.children[least as usize & (N - 1)])
     }
 }
 

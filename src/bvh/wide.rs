@@ -60,9 +60,6 @@ pub struct Node<const N: usize> {
     pub planes: [[f32; N]; 6],
     /// Numbers of nodes, or leaves where `LEAF` is set.
     pub children: [u32; N],
-    /// Lanes from the farthest child to the nearest, for a ray in octant
-    /// `k` in the four bits from bit 4k.
-    pub order: [u32; N],
 }
 
 impl<const N: usize> Node<N> {
@@ -73,7 +70,6 @@ impl<const N: usize> Node<N> {
         Self {
             planes: [least, least, least, greatest, greatest, greatest],
             children: [0; N],
-            order: [0; N],
         }
     };
 
@@ -90,33 +86,10 @@ impl<const N: usize> Node<N> {
         let [a, b, c, d, e, f] = self.planes.map(|row| row[lane]);
         Aabb::new(Vec3A::new(a, b, c), Vec3A::new(d, e, f))
     }
-
-    /// Fills `order` from the boxes.
-    fn sort(&mut self) {
-        for octant in 0..8 {
-            // Sort the lanes from far to near
-            let far: [f32; N] =
-                array::from_fn(|lane| self.entry(octant, lane));
-            let mut lanes: [usize; N] = array::from_fn(|lane| lane);
-            lanes.sort_by(|&a, &b| far[b].total_cmp(&far[a]));
-            for (order, lane) in self.order.iter_mut().zip(lanes) {
-                *order |= (lane as u32) << (4 * octant);
-            }
-        }
-    }
-
-    /// How far along the diagonal of an octant its rays enter a box.
-    fn entry(&self, octant: u32, lane: usize) -> f32 {
-        let along = |axis: usize| match octant >> axis & 1 {
-            1 => self.planes[axis][lane],
-            _ => -self.planes[axis + 3][lane],
-        };
-        along(0) + along(1) + along(2)
-    }
 }
 
 const _: () = assert!(size_of::<Node<8>>() == 256);
-const _: () = assert!(size_of::<Node<16>>() == 512);
+const _: () = assert!(size_of::<Node<16>>() == 448);
 
 /// The corners of a triangle, as numbers of vertices, and its face.
 type Corners = ([u32; 3], u32);
@@ -519,7 +492,6 @@ impl<const N: usize> Wide<N> {
                 };
                 node.set(lane, tree[i as usize].aabb(), child);
             }
-            node.sort();
             wide.nodes.push(node);
         }
         Ok((wide, levels))
@@ -691,7 +663,6 @@ impl<const N: usize> Wide<N> {
                     boxes.fold(Aabb::empty(), |all, own| all.union(&own));
                 node.set(lane, &bounds, child);
             }
-            node.sort();
             wide.nodes[number] = node;
         }
         Ok(wide)

@@ -61,15 +61,6 @@ fn random_node<const N: usize>(random: &mut Random) -> Node<N> {
             }
         }
     }
-    for octant in 0..8 {
-        let mut slots: [u32; N] = array::from_fn(|i| i as u32);
-        for i in (1..N).rev() {
-            slots.swap(i, random.random_range(0..i + 1));
-        }
-        for (order, slot) in node.order.iter_mut().zip(slots) {
-            *order |= slot << (4 * octant);
-        }
-    }
     node
 }
 
@@ -223,18 +214,30 @@ fn compare_nodes<K: Kernel<N>, const N: usize>() {
         let (mut one, mut other) = (Waiting::new(), Waiting::new());
         let mut stack = random_stack::<N>(&mut one, &mut random.clone());
         let mut found = random_stack::<N>(&mut other, &mut random);
-        let interval = interval(&node, &slabs, reach, fused);
+        let keys = keys(&interval(&node, &slabs, reach, fused));
+        let least = keys.into_iter().min().unwrap_or(u32::MAX);
         let before = stack.length;
         // SAFETY: there is room for N more, and the processor was asked.
-        let (expected, next) = unsafe {
-            (
-                push(&node, slabs.shift, interval, &mut stack),
-                K::enter(&node, &slabs, reach, &mut found),
-            )
+        let next = unsafe {
+            push(&node.children, keys, least, &mut stack);
+            K::enter(&node, &slabs, reach, &mut found)
         };
-        entered += stack.length - before;
+        let nearest = least as usize % N;
+        let expected = (least < u32::MAX).then(|| node.children[nearest]);
         assert_eq!(next, expected, "{node:?}");
-        assert_eq!(waiting(found), waiting(stack));
+        // Those pushed come off first, near to far
+        let count = stack.length - before;
+        let (mut found, mut stack) = (waiting(found), waiting(stack));
+        let distances = stack.iter().map(|(_, bits)| *bits);
+        assert!(distances.take(count).is_sorted());
+        if count > 4 {
+            for some in [&mut found, &mut stack] {
+                let key = |&(child, bits): &(u32, u32)| (bits, child);
+                some[..count].sort_unstable_by_key(key);
+            }
+        }
+        assert_eq!(found, stack);
+        entered += count;
     }
     assert!(entered > CASES, "{entered}");
 }

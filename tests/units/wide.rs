@@ -248,33 +248,10 @@ fn clusters_within_clusters_are_regions_of_their_own() {
     assert!(least < 2f64.powi(-48) * wide.region.reach, "{least}");
 }
 
-// Test that orders are permutations
-fn check_orders<const N: usize>(wide: &Wide<N>) {
-    for node in &wide.nodes {
-        for octant in 0..8 {
-            let lanes =
-                node.order.map(|o| (o >> (4 * octant) & 15) as usize);
-            let mut sorted = lanes;
-            sorted.sort_unstable();
-            assert!(sorted.into_iter().eq(0..N));
-            let far = lanes.map(|i| {
-                let bounds = node.bounds(i);
-                let corner = [0, 1, 2].map(|axis| {
-                    let up = octant >> axis & 1 == 1;
-                    if up { bounds.min[axis] } else { -bounds.max[axis] }
-                });
-                corner.iter().sum::<f32>().min(f32::INFINITY)
-            });
-            assert!(far.is_sorted_by(|a, b| a >= b));
-        }
-    }
-}
-
 fn check<const N: usize>(scene: &Scene, wide: &Wide<N>) {
     check_lanes(scene, wide);
     check_children(wide);
     check_boxes(scene, wide);
-    check_orders(wide);
 }
 
 #[test]
