@@ -7,7 +7,7 @@
 //! and padded. Node 0 is the root. Every other node and every leaf is
 //! the child of exactly one node, or what one gate leads to.
 
-use std::{array, fmt, io, iter, mem};
+use std::{fmt, io, iter, mem};
 
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
