@@ -4,7 +4,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 
 use super::*;
 use crate::scene::{Mesh, Scene};
@@ -199,21 +199,23 @@ fn parts_are_joined_under_no_level_of_nodes_one_and_two() {
 #[test]
 fn a_scene_is_divided_unless_its_parts_overlap() {
     let grid =
-        |i: u32| DVec3::new(f64::from(i % 64), f64::from(i / 64), 0.);
+        |i: u32| DVec3::new(f64::from(i % 364), f64::from(i / 364), 0.);
     let tile = |i| [DVec3::ZERO, DVec3::X, DVec3::Y].map(|p| grid(i) + p);
-    let plain: Vec<Triangle> = (0..4096).map(tile).collect();
+    let plain: Vec<Triangle> = (0..364 * 364).map(tile).collect();
+    assert!(plain.len() > LARGE);
     let mut room = plain.clone();
     for triangle in room.iter_mut().step_by(37) {
-        triangle[1] += DVec3::new(64., 64., 64.);
+        triangle[1] += DVec3::splat(364.);
     }
-    let has_parts = |triangles| {
-        let Triangles { vertices, corners, faces } =
-            scene(triangles).triangles;
-        let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
-        are_apart(&vertices, &halve(&vertices, &mut corners, 16))
+    let parts = |triangles| {
+        let parts = Cell::new(0);
+        let placed = |_| parts.set(parts.get() + 1);
+        let triangles = scene(triangles).triangles;
+        Wide::<16>::new(triangles, Quality::FAST, &placed).unwrap();
+        parts.get()
     };
-    assert!(has_parts(plain));
-    assert!(!has_parts(room));
+    assert_eq!(parts(plain), 16);
+    assert_eq!(parts(room), 1);
 }
 
 #[test]
