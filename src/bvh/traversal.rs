@@ -204,8 +204,8 @@ impl<'a> Stack<'a> {
 /// The instructions for nodes of `N` children, and for leaves.
 pub trait Kernel<const N: usize>: Meet {
     /// Pushes the children of a node whose boxes the ray of `slabs` enters
-    /// before `t_max`, from far to near, but returns the nearest; none if
-    /// there are none.
+    /// before `t_max`, up to four from far to near and more in any order, but
+    /// returns the nearest; none if there are none.
     ///
     /// # Safety
     /// The processor has the instructions, and no more than `STACK - N`
