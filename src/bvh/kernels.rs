@@ -9,8 +9,7 @@
 use std::arch::x86_64::*;
 use std::mem::transmute;
 
-use super::traversal::{Kernel, Meet, Met, Slabs, Stack};
-use super::traversal::{interval, keys};
+use super::traversal::{Kernel, Meet, Met, Slabs, Stack, interval, keys};
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
 
