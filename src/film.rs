@@ -12,7 +12,7 @@ use std::io::{self, Read, Write};
 use std::ops::Range;
 use std::str::FromStr;
 
-use glam::Vec2;
+use glam::{DVec2, DVec3, Vec2};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -492,21 +492,21 @@ impl Film {
     pub fn summary(&self) -> Summary {
         let few = self.samples() < 2 * self.replicate;
         // Sum numbers of all pixels over rows
-        let total = |of: &(dyn Fn(Window) -> Vec<f64> + Sync)| -> f64 {
-            let rows = self.bands().flat_map_iter(|band| {
-                let values = of(band);
-                let rows = values.chunks(self.window.size.0 as usize);
-                rows.map(|row| row.iter().sum()).collect::<Vec<f64>>()
+        let rows = self.bands().flat_map_iter(|band| {
+            let means = self.values(band, 0., |_, p| p.mean()).into_iter();
+            let errors = match few {
+                true => vec![DVec2::INFINITY; band.area()],
+                false => self.errors_and_variances(WORTH, band),
+            };
+            let pixels = means.zip(errors).map(|(mean, e)| {
+                DVec3::new(mean, e.x * e.x, f64::from(e.y == 0.))
             });
-            rows.collect::<Vec<f64>>().iter().sum()
-        };
-        let radiance =
-            total(&|band| self.values(band, 0., |_, p| p.mean()));
-        let squares = |band| {
-            let errors = self.errors(WORTH, band).into_iter();
-            errors.map(|error| error * error).collect()
-        };
-        let squares = if few { f64::INFINITY } else { total(&squares) };
+            let pixels: Vec<DVec3> = pixels.collect();
+            let rows = pixels.chunks(self.window.size.0 as usize);
+            rows.map(|row| row.iter().sum()).collect::<Vec<DVec3>>()
+        });
+        let sums: DVec3 = rows.collect::<Vec<_>>().iter().sum();
+        let [radiance, squares, constant] = sums.to_array();
         // Conclude from the sums
         let Self { tiles, tile_means: means, .. } = self;
         let tiles = tiles.iter().zip(means).map(|(tile, mean)| {
@@ -515,8 +515,6 @@ impl Film {
         let all = if means.is_empty() { squares } else { tiles.sum() };
         let n = self.area() as f64;
         let sampled = self.area() - self.unsampled();
-        let is_constant = |p: &&Accumulator| !few && p.variance() == 0.;
-        let constant = self.pixels.par_iter().filter(is_constant).count();
         Summary {
             mean: radiance / sampled.max(1) as f64,
             mean_stderr: f64::sqrt(all) / n,
@@ -580,47 +578,58 @@ impl Film {
     /// of its neighbours, which counts as `worth` values ([`WORTH`]; 0 leaves
     /// the neighbours out).
     pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
+        let pixels = self.errors_and_variances(worth, window).into_iter();
+        pixels.map(|pixel| pixel.x).collect()
+    }
+
+    /// The same, each with the variance that the pixel itself has seen.
+    fn errors_and_variances(
+        &self,
+        worth: f64,
+        window: Window,
+    ) -> Vec<DVec2> {
+        // Compute the variances of the window and its frame
         let all = window.grown(REACH, self.window);
         let variances =
             self.values(all, f64::INFINITY, |_, p| p.variance());
-        // Number the pixels of the frame
-        let number = |x: u32, y: u32| {
-            let row = (y - all.corner.1) as usize * all.size.0 as usize;
-            row + (x - all.corner.0) as usize
+        let counts = self.values(window, 0., |_, p| p.count() as f64);
+        let (width, columns) =
+            (all.size.0 as usize, window.size.0 as usize);
+        let rows: Vec<&[f64]> = variances.chunks(width).collect();
+        let left = (window.corner.0 - all.corner.0) as usize;
+        let top = (window.corner.1 - all.corner.1) as usize;
+        let near = |i: usize, end: usize| {
+            i.saturating_sub(REACH as usize)
+                ..(i + REACH as usize + 1).min(end)
         };
-        let error = |(x, y)| {
-            // Compute the error of a pixel
-            let own = variances[number(x, y)];
-            if !own.is_finite() {
-                return own;
-            }
-            let (mut sum, mut count) = (0., 0.);
-            let near =
-                Window { corner: (x, y), size: (1, 1) }.grown(REACH, all);
-            for row in near.corner.1..near.end().1 {
-                for column in near.corner.0..near.end().0 {
-                    // Count the variance of one neighbour
-                    let variance = variances[number(column, row)];
-                    let counts =
-                        variance.is_finite() & ((column, row) != (x, y));
-                    let (value, one) =
-                        if counts { (variance, 1.) } else { (0., 0.) };
-                    (sum, count) = (sum + value, count + one);
+        let mut errors = Vec::with_capacity(window.area());
+        for (y, counts) in (top..).zip(counts.chunks(columns)) {
+            // Sum the variances of each column
+            let mut sums = vec![DVec2::ZERO; width];
+            for row in &rows[near(y, rows.len())] {
+                for (sum, &variance) in sums.iter_mut().zip(*row) {
+                    let counts = variance.is_finite();
+                    let known = DVec2::new(variance, 1.);
+                    *sum += if counts { known } else { DVec2::ZERO };
                 }
             }
-            let n = self.pixel(x, y).count() as f64;
-            // Combine its variance with that of its neighbours
-            if count == 0. || self.resolution.0 == 1 {
-                return (own / n).sqrt();
+            for (x, n) in (left..).zip(counts) {
+                // Compute the error of a pixel
+                let own = rows[y][x];
+                let square: DVec2 = sums[near(x, width)].iter().sum();
+                let [sum, count] =
+                    (square - DVec2::new(own, 1.)).to_array();
+                let alone = count == 0. || self.resolution.0 == 1;
+                let variance = if alone || !own.is_finite() {
+                    own
+                } else {
+                    ((n - 1.) * own + worth * (sum / count))
+                        / (n - 1. + worth)
+                };
+                errors.push(DVec2::new((variance / n).sqrt(), own));
             }
-            let variance =
-                ((n - 1.) * own + worth * (sum / count)) / (n - 1. + worth);
-            (variance / n).sqrt()
-        };
-        let rows = window.corner.1..window.end().1;
-        let columns = window.corner.0..window.end().0;
-        let row = |y| columns.clone().map(move |x| (x, y));
-        rows.flat_map(row).map(error).collect()
+        }
+        errors
     }
 
     /// An error of the image; infinite if it is unknown.

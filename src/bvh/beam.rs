@@ -9,9 +9,8 @@ use glam::DVec3;
 
 use super::intersector::{BEAM, Batch, Hit};
 use super::spawn::hit;
-use super::traversal::{Kernel, ROUGH, Slabs, Stack, Waiting};
+use super::traversal::{Kernel, ROUGH, Slabs, Stack, Waiting, prepare};
 use super::traversal::{distance, interval, is_within_bounds, keys, look};
-use super::traversal::{prepare, push};
 use super::triangle::{LEAF, NONE, Region, slots};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -185,8 +184,9 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
         // Push the children that the beam enters
         let keys = beam.enter(&wide.nodes[number as usize]);
         let places = array::from_fn(|i| number * N as u32 + i as u32);
-        // SAFETY: no hierarchy is so deep that less than `N` are left.
-        unsafe { push(&places, keys, u32::MAX, &mut stack) };
+        // SAFETY: no hierarchy is so deep that less than `N` are left; the
+        // processor has the instructions, says the caller.
+        unsafe { K::push(&places, keys, u32::MAX, &mut stack) };
         // Go on to the next node with active rays
         number = loop {
             let place = stack.pop(f32::INFINITY);

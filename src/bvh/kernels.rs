@@ -38,31 +38,44 @@ impl Kernel<8> for Vectors {
             let keys = keys(&interval);
             let least = keys.into_iter().fold(u32::MAX, u32::min);
             if count > 1 {
-                // Pack the other keys of eight
-                let keys: __m256i = transmute(keys);
-                let are = |key: u32| {
-                    _mm256_cmpeq_epi32(keys, _mm256_set1_epi32(key as i32))
-                };
-                let out = _mm256_or_si256(are(least), are(u32::MAX));
-                let mask = !_mm256_movemask_ps(_mm256_castsi256_ps(out));
-                let keys = _mm256_andnot_si256(out, keys);
-                let pack: __m256i = transmute(PACK[mask as usize & 255]);
-                let mut keys = _mm256_permutevar8x32_epi32(keys, pack);
-                // Store all but the nearest child
-                let waiting = count as usize - 1;
-                if waiting <= SORTED {
-                    let few = sorted(_mm256_castsi256_si128(keys));
-                    keys = _mm256_zextsi128_si256(few);
-                }
-                let children: __m256i = transmute(node.children);
-                let children = _mm256_permutevar8x32_epi32(children, keys);
-                let (top, distances) = stack.top::<8>();
-                _mm256_storeu_si256(top.cast(), children);
-                let keys = _mm256_andnot_si256(_mm256_set1_epi32(7), keys);
-                _mm256_storeu_si256(distances.cast(), keys);
-                stack.grow(waiting);
+                Self::push(&node.children, keys, least, stack);
             }
             Some(*node.children.get_unchecked(least as usize & 7))
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn push(
+        children: &[u32; 8],
+        keys: [u32; 8],
+        least: u32,
+        stack: &mut Stack,
+    ) {
+        // SAFETY: as above.
+        unsafe {
+            // Pack the other keys of eight
+            let keys: __m256i = transmute(keys);
+            let are = |key: u32| {
+                _mm256_cmpeq_epi32(keys, _mm256_set1_epi32(key as i32))
+            };
+            let out = _mm256_or_si256(are(least), are(u32::MAX));
+            let mask = 255 & !_mm256_movemask_ps(_mm256_castsi256_ps(out));
+            let keys = _mm256_andnot_si256(out, keys);
+            let pack: __m256i = transmute(PACK[mask as usize]);
+            let mut keys = _mm256_permutevar8x32_epi32(keys, pack);
+            // Store all but the nearest child
+            let waiting = mask.count_ones() as usize;
+            if waiting <= SORTED {
+                let few = sorted(_mm256_castsi256_si128(keys));
+                keys = _mm256_zextsi128_si256(few);
+            }
+            let children: __m256i = transmute(*children);
+            let children = _mm256_permutevar8x32_epi32(children, keys);
+            let (top, distances) = stack.top::<8>();
+            _mm256_storeu_si256(top.cast(), children);
+            let keys = _mm256_andnot_si256(_mm256_set1_epi32(7), keys);
+            _mm256_storeu_si256(distances.cast(), keys);
+            stack.grow(waiting);
         }
     }
 }
@@ -162,26 +175,44 @@ impl Kernel<16> for Vectors {
             if met == 0 {
                 return None;
             }
-            let keys: __m512i = transmute(keys(&interval));
-            let least = _mm512_reduce_min_epu32(keys);
+            let keys = keys(&interval);
+            let least = _mm512_reduce_min_epu32(transmute(keys));
             if met.count_ones() > 1 {
-                // Store all but the nearest of sixteen
-                let others = met & !(1 << (least & 15));
-                let mut keys = _mm512_maskz_compress_epi32(others, keys);
-                let waiting = met.count_ones() as usize - 1;
-                if waiting <= SORTED {
-                    let few = sorted(_mm512_castsi512_si128(keys));
-                    keys = _mm512_zextsi128_si512(few);
-                }
-                let children: __m512i = transmute(node.children);
-                let children = _mm512_permutexvar_epi32(keys, children);
-                let (top, distances) = stack.top::<16>();
-                _mm512_storeu_si512(top.cast(), children);
-                let keys = _mm512_andnot_si512(_mm512_set1_epi32(15), keys);
-                _mm512_storeu_si512(distances.cast(), keys);
-                stack.grow(waiting);
+                Self::push(&node.children, keys, least, stack);
             }
             Some(*node.children.get_unchecked(least as usize & 15))
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn push(
+        children: &[u32; 16],
+        keys: [u32; 16],
+        least: u32,
+        stack: &mut Stack,
+    ) {
+        // SAFETY: as for eight lanes.
+        unsafe {
+            // Store all but the nearest of sixteen
+            let keys: __m512i = transmute(keys);
+            let is_not = |key: u32| {
+                let key = _mm512_set1_epi32(key as i32);
+                _mm512_cmpneq_epi32_mask(keys, key)
+            };
+            let others = is_not(least) & is_not(u32::MAX);
+            let mut keys = _mm512_maskz_compress_epi32(others, keys);
+            let waiting = others.count_ones() as usize;
+            if waiting <= SORTED {
+                let few = sorted(_mm512_castsi512_si128(keys));
+                keys = _mm512_zextsi128_si512(few);
+            }
+            let children: __m512i = transmute(*children);
+            let children = _mm512_permutexvar_epi32(keys, children);
+            let (top, distances) = stack.top::<16>();
+            _mm512_storeu_si512(top.cast(), children);
+            let keys = _mm512_andnot_si512(_mm512_set1_epi32(15), keys);
+            _mm512_storeu_si512(distances.cast(), keys);
+            stack.grow(waiting);
         }
     }
 }

@@ -204,8 +204,7 @@ impl<'a> Stack<'a> {
 /// The instructions for nodes of `N` children, and for leaves.
 pub trait Kernel<const N: usize>: Meet {
     /// Pushes the children of a node whose boxes the ray of `slabs` enters
-    /// before `t_max`, up to four from far to near and more in any order, but
-    /// returns the nearest; none if there are none.
+    /// before `t_max`, but returns the nearest; none if there are none.
     ///
     /// # Safety
     /// The processor has the instructions, and no more than `STACK - N`
@@ -216,6 +215,18 @@ pub trait Kernel<const N: usize>: Meet {
         t_max: f32,
         stack: &mut Stack,
     ) -> Option<u32>;
+
+    /// Pushes the children that have a key, but for the least: up to four
+    /// from far to near, and more in any order.
+    ///
+    /// # Safety
+    /// As for `enter`.
+    unsafe fn push(
+        children: &[u32; N],
+        keys: [u32; N],
+        least: u32,
+        stack: &mut Stack,
+    );
 }
 
 /// The instructions for the triangles of a leaf.
@@ -442,35 +453,6 @@ pub fn keys<const N: usize>([t_near, t_far]: &[[f32; N]; 2]) -> [u32; N] {
     })
 }
 
-/// Pushes the children that have a key, but for the least, from far to
-/// near.
-///
-/// # Safety
-/// No more than `STACK - N` children wait.
-#[inline(always)]
-pub unsafe fn push<const N: usize>(
-    children: &[u32; N],
-    keys: [u32; N],
-    least: u32,
-    stack: &mut Stack,
-) {
-    let others = |key: &u32| ![least, u32::MAX].contains(key);
-    // Push from far to near
-    let mut waiting = [0; N];
-    let mut count = 0;
-    for key in keys.into_iter().filter(others) {
-        waiting[count] = key;
-        count += 1;
-    }
-    waiting[..count].sort_unstable_by(|a, b| b.cmp(a));
-    for key in &waiting[..count] {
-        let lane = key & (N as u32 - 1);
-        let distance = f32::from_bits(key - lane);
-        // SAFETY: no more than `N` children are pushed.
-        unsafe { stack.push(children[lane as usize], distance) };
-    }
-}
-
 /// The distance of the plane `b`, with two roundings.
 #[inline(always)]
 pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
@@ -494,8 +476,32 @@ impl<const N: usize> Kernel<N> for Portable {
             return None;
         }
         // SAFETY: there is room for `N`, says the caller.
-        unsafe { push(&node.children, keys, least, stack) };
+        unsafe { Self::push(&node.children, keys, least, stack) };
         Some(node.children[least as usize & (N - 1)])
+    }
+
+    #[inline(always)]
+    unsafe fn push(
+        children: &[u32; N],
+        keys: [u32; N],
+        least: u32,
+        stack: &mut Stack,
+    ) {
+        let others = |key: &u32| ![least, u32::MAX].contains(key);
+        // Push from far to near
+        let mut waiting = [0; N];
+        let mut count = 0;
+        for key in keys.into_iter().filter(others) {
+            waiting[count] = key;
+            count += 1;
+        }
+        waiting[..count].sort_unstable_by(|a, b| b.cmp(a));
+        for key in &waiting[..count] {
+            let lane = key & (N as u32 - 1);
+            let distance = f32::from_bits(key - lane);
+            // SAFETY: no more than `N` children are pushed.
+            unsafe { stack.push(children[lane as usize], distance) };
+        }
     }
 }
 

@@ -219,7 +219,7 @@ fn compare_nodes<K: Kernel<N>, const N: usize>() {
         let before = stack.length;
         // SAFETY: there is room for N more, and the processor was asked.
         let next = unsafe {
-            push(&node.children, keys, least, &mut stack);
+            Portable::push(&node.children, keys, least, &mut stack);
             K::enter(&node, &slabs, reach, &mut found)
         };
         let nearest = least as usize % N;
