@@ -31,15 +31,12 @@ impl Kernel<8> for Vectors {
         unsafe {
             let [t_near, t_far]: [__m256; 2] = transmute(interval);
             let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t_near, t_far);
-            let count = _mm256_movemask_ps(met).count_ones();
-            if count == 0 {
+            if _mm256_movemask_ps(met) == 0 {
                 return None;
             }
             let keys = keys(&interval);
             let least = keys.into_iter().fold(u32::MAX, u32::min);
-            if count > 1 {
-                Self::push(&node.children, keys, least, stack);
-            }
+            Self::push(&node.children, keys, least, stack);
             Some(*node.children.get_unchecked(least as usize & 7))
         }
     }
@@ -62,20 +59,17 @@ impl Kernel<8> for Vectors {
             let mask = 255 & !_mm256_movemask_ps(_mm256_castsi256_ps(out));
             let keys = _mm256_andnot_si256(out, keys);
             let pack: __m256i = transmute(PACK[mask as usize]);
-            let mut keys = _mm256_permutevar8x32_epi32(keys, pack);
+            let keys = _mm256_permutevar8x32_epi32(keys, pack);
             // Store all but the nearest child
-            let waiting = mask.count_ones() as usize;
-            if waiting <= SORTED {
-                let few = sorted(_mm256_castsi256_si128(keys));
-                keys = _mm256_zextsi128_si256(few);
-            }
+            let few = sorted(_mm256_castsi256_si128(keys));
+            let keys = _mm256_inserti128_si256::<0>(keys, few);
             let children: __m256i = transmute(*children);
             let children = _mm256_permutevar8x32_epi32(children, keys);
             let (top, distances) = stack.top::<8>();
             _mm256_storeu_si256(top.cast(), children);
             let keys = _mm256_andnot_si256(_mm256_set1_epi32(7), keys);
             _mm256_storeu_si256(distances.cast(), keys);
-            stack.grow(waiting);
+            stack.grow(mask.count_ones() as usize);
         }
     }
 }
@@ -200,19 +194,16 @@ impl Kernel<16> for Vectors {
                 _mm512_cmpneq_epi32_mask(keys, key)
             };
             let others = is_not(least) & is_not(u32::MAX);
-            let mut keys = _mm512_maskz_compress_epi32(others, keys);
-            let waiting = others.count_ones() as usize;
-            if waiting <= SORTED {
-                let few = sorted(_mm512_castsi512_si128(keys));
-                keys = _mm512_zextsi128_si512(few);
-            }
+            let keys = _mm512_maskz_compress_epi32(others, keys);
+            let few = sorted(_mm512_castsi512_si128(keys));
+            let keys = _mm512_inserti32x4::<0>(keys, few);
             let children: __m512i = transmute(*children);
             let children = _mm512_permutexvar_epi32(keys, children);
             let (top, distances) = stack.top::<16>();
             _mm512_storeu_si512(top.cast(), children);
             let keys = _mm512_andnot_si512(_mm512_set1_epi32(15), keys);
             _mm512_storeu_si512(distances.cast(), keys);
-            stack.grow(waiting);
+            stack.grow(others.count_ones() as usize);
         }
     }
 }
@@ -242,9 +233,6 @@ const PACK: [[u32; 8]; 256] = {
     }
     table
 };
-
-/// As many children that wait are sorted by their keys.
-const SORTED: usize = 4;
 
 /// Four numbers, the largest first.
 ///
