@@ -170,7 +170,8 @@ impl Kernel<16> for Vectors {
                 return None;
             }
             let keys = keys(&interval);
-            let least = _mm512_reduce_min_epu32(transmute(keys));
+            let all: __m512i = transmute(keys);
+            let least = _mm512_reduce_min_epu32(all);
             if met.count_ones() > 1 {
                 Self::push(&node.children, keys, least, stack);
             }
