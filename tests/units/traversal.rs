@@ -222,6 +222,15 @@ fn compare_nodes<K: Kernel<N>, const N: usize>() {
             Portable::push(&node.children, keys, least, &mut stack);
             K::enter(&node, &slabs, reach, &mut found)
         };
+        // A beam pushes all that have a key
+        if random.random() {
+            // SAFETY: as above, for what has been pushed is taken off.
+            unsafe {
+                (stack.length, found.length) = (before, before);
+                Portable::push(&node.children, keys, u32::MAX, &mut stack);
+                K::push(&node.children, keys, u32::MAX, &mut found);
+            }
+        }
         let nearest = least as usize % N;
         let expected = (least < u32::MAX).then(|| node.children[nearest]);
         assert_eq!(next, expected, "{node:?}");
