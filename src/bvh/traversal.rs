@@ -12,8 +12,10 @@ use std::mem::MaybeUninit;
 
 use glam::DVec3;
 
-use super::triangle::{GATES, LANES, LEAF, NONE, near, slot, slots};
-use super::triangle::{Leaf, Margins, Region, Search, Shear, TriangleTest};
+use super::triangle::{GATES, LANES, LEAF, Leaf, NONE, edges, near, slot};
+use super::triangle::{
+    Margins, Region, Search, Shear, TriangleTest, slots,
+};
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
 
@@ -506,15 +508,38 @@ impl<const N: usize> Kernel<N> for Portable {
 }
 
 impl Meet for Portable {
-    #[inline(never)]
+    #[inline(always)]
     unsafe fn meet(
         leaf: Leaf,
         shear: &Shear,
-        (_, margins): (f64, &Margins),
+        (limit, margins): (f64, &Margins),
     ) -> Met {
-        let (mask, distances) = leaf.meet(shear, margins);
-        (mask >> LANES == 0).then_some((mask, distances))
+        let sheared = leaf.sheared::<LANES>(0, shear);
+        let ([u, v, w], [_, _, [a, b, c]]) = (edges(&sheared), sheared);
+        let less = |a: f64, b: f64| if a < b { a } else { b };
+        let depths: [f64; LANES] = array::from_fn(|i| {
+            let least = less(less(u[i], v[i]), w[i]);
+            let most = less(less(-u[i], -v[i]), -w[i]);
+            -less(-least, -most)
+        });
+        let inside = |least| leaf.lanes & mask(|i| depths[i] >= least);
+        let near = inside(-margins.narrow);
+        if near == 0 {
+            return Some((0, [0.; LANES]));
+        }
+        let distances = array::from_fn(|i| {
+            let height = u[i] * a[i] + v[i] * b[i] + w[i] * c[i];
+            height / (u[i] + v[i] + w[i]) * shear.stretch
+        });
+        let met = |i| distances[i] > -margins.near && distances[i] <= limit;
+        (near == inside(0.)).then_some((near & mask(met), distances))
     }
+}
+
+/// The lanes of which this is true.
+#[inline(always)]
+fn mask(is: impl Fn(usize) -> bool) -> u32 {
+    (0..LANES).map(|i| u32::from(is(i)) << i).sum()
 }
 
 #[cfg(all(test, target_arch = "x86_64"))]

@@ -6,6 +6,8 @@
 //! The answers depend on the ray and the triangle alone, and are the
 //! same on every processor.
 
+use std::array;
+
 use glam::{DVec3, Vec3Swizzles};
 
 use crate::numerics::{cross, difference_of_products};
@@ -66,7 +68,6 @@ pub struct Margins {
     pub near: f64,
     /// An edge function of this or more, with the wrong sign, does not
     /// belong to a triangle that the ray passes closely.
-    #[cfg_attr(not(target_arch = "x86_64"), allow(unused))]
     pub narrow: f64,
 }
 
@@ -320,10 +321,16 @@ fn corner(runs: &[u32], count: usize, run: usize) -> DVec3 {
 
 impl Leaf<'_> {
     #[inline(always)]
-    fn coordinate(&self, c: usize, axis: usize, lane: usize) -> f64 {
+    fn coordinate<const N: usize>(
+        &self,
+        (c, axis, lane): (usize, usize, usize),
+    ) -> [f64; N] {
         let place = 2 * ((3 * c + axis) * self.count + lane) + self.count;
-        let [low, high] = [self.words[place], self.words[place + 1]];
-        f64::from_bits(u64::from(high) << 32 | u64::from(low))
+        let run = &self.words[place..place + 2 * N];
+        array::from_fn(|i| {
+            let [low, high] = [run[2 * i], run[2 * i + 1]].map(u64::from);
+            f64::from_bits(high << 32 | low)
+        })
     }
 
     /// The corners of the triangle in a lane.
@@ -377,10 +384,9 @@ impl Leaf<'_> {
         shear: &Shear,
         size: f64,
     ) -> TriangleTest {
-        let [x, y, z] = self.sheared(lane, shear);
-        let u = difference_of_products(x[2], y[1], y[2], x[1]);
-        let v = difference_of_products(x[0], y[2], y[0], x[2]);
-        let w = difference_of_products(x[1], y[0], y[1], x[0]);
+        let sheared = self.sheared::<1>(lane, shear);
+        let [u, v, w] = edges(&sheared).map(|[edge]| edge);
+        let [x, y, z] = sheared.map(|corners| corners.map(|[p]| p));
         let within = |margin: f64| {
             (u >= -margin && v >= -margin && w >= -margin)
                 || (u <= margin && v <= margin && w <= margin)
@@ -397,14 +403,22 @@ impl Leaf<'_> {
         }
     }
 
-    /// The x, y and z of the three corners after the shear.
+    /// The corners after the shear, of `N` lanes.
     #[inline(always)]
-    fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
+    pub fn sheared<const N: usize>(
+        &self,
+        lane: usize,
+        shear: &Shear,
+    ) -> Sheared<N> {
         let moved = |c: usize, i: usize| {
-            self.coordinate(c, shear.axes[i], lane) - shear.origin[i]
+            let lanes = self.coordinate::<N>((c, shear.axes[i], lane));
+            lanes.map(|p| p - shear.origin[i])
         };
         let z = [moved(0, 2), moved(1, 2), moved(2, 2)];
-        let flat = |c: usize, i: usize| moved(c, i) - shear.slope[i] * z[c];
+        let flat = |c: usize, i: usize| {
+            let p = moved(c, i);
+            array::from_fn(|k| p[k] - shear.slope[i] * z[c][k])
+        };
         let x = [flat(0, 0), flat(1, 0), flat(2, 0)];
         let y = [flat(0, 1), flat(1, 1), flat(2, 1)];
         [x, y, z]
@@ -427,6 +441,20 @@ pub enum TriangleTest {
     Beside([f64; 3]),
     /// Neither.
     Apart,
+}
+
+/// The x, y and z of three corners, in each of `N` lanes.
+type Sheared<const N: usize> = [[[f64; N]; 3]; 3];
+
+/// The edge functions u, v and w.
+#[inline(always)]
+pub fn edges<const N: usize>([x, y, _]: &Sheared<N>) -> [[f64; N]; 3] {
+    let edge = |i: usize, j: usize| {
+        array::from_fn(|k| {
+            difference_of_products(x[i][k], y[j][k], y[i][k], x[j][k])
+        })
+    };
+    [edge(2, 1), edge(0, 2), edge(1, 0)]
 }
 
 /// The nearest triangle so far.

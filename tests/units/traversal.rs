@@ -291,11 +291,7 @@ fn ray_at(leaf: Leaf, random: &mut Random) -> Ray {
     }
 }
 
-#[test]
-fn four_triangles_are_met_as_one_by_one() {
-    if !Isa::Avx2.is_available() {
-        return eprintln!("note: skipped, no AVX2");
-    }
+fn compare_leaves<K: Meet>() {
     let mut random = Random::seed_from_u64(6);
     let mut met = 0;
     for _ in 0..CASES {
@@ -315,11 +311,18 @@ fn four_triangles_are_met_as_one_by_one() {
         };
         let expected = within(leaf.meet(&shear, &margins));
         // SAFETY: the processor has been asked.
-        let found =
-            unsafe { Vectors::meet(leaf, &shear, (limit, &margins)) };
+        let found = unsafe { K::meet(leaf, &shear, (limit, &margins)) };
         let Some(found) = found.map(within) else { continue };
         assert_eq!(found, expected, "{:?} {ray:?}", leaf.words);
         met += found.len();
     }
     assert!(met > CASES / 10, "{met}");
+}
+
+#[test]
+fn four_triangles_are_met_as_one_by_one() {
+    compare_leaves::<Portable>();
+    if Isa::Avx2.is_available() {
+        compare_leaves::<Vectors>();
+    }
 }
