@@ -12,10 +12,8 @@ use std::mem::MaybeUninit;
 
 use glam::DVec3;
 
-use super::triangle::{GATES, LANES, LEAF, Leaf, NONE, edges, near, slot};
-use super::triangle::{
-    Margins, Region, Search, Shear, TriangleTest, slots,
-};
+use super::triangle::{GATES, LANES, LEAF, NONE, edges, near, slot, slots};
+use super::triangle::{Leaf, Margins, Region, Search, Shear, TriangleTest};
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
 

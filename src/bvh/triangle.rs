@@ -320,6 +320,7 @@ fn corner(runs: &[u32], count: usize, run: usize) -> DVec3 {
 }
 
 impl Leaf<'_> {
+    /// Coordinate `axis` of the corners `c` of `N` lanes from `lane` on.
     #[inline(always)]
     fn coordinate<const N: usize>(
         &self,
@@ -403,7 +404,7 @@ impl Leaf<'_> {
         }
     }
 
-    /// The corners after the shear, of `N` lanes.
+    /// The corners after the shear, of `N` lanes from `lane` on.
     #[inline(always)]
     pub fn sheared<const N: usize>(
         &self,
