@@ -37,7 +37,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut job = Job { sensor, intersector, integrator, known, sampler };
     let mut film = Film::new(320, 240);
     job.pass(&mut film, 64, &|_| true);
-    let attributes = BTreeMap::new();
-    let picture = Picture { film: &film, more: vec![], attributes };
+    let (film, allocation) = (&film, None);
+    let (more, attributes) = (vec![], BTreeMap::new());
+    let picture = Picture { film, allocation, more, attributes };
     Ok(Format::Pgm.write(&picture, &mut std::io::stdout().lock())?)
 }

@@ -23,9 +23,10 @@ use crate::statistics::Accumulator;
 /// Width and height of a tile of an image in pixels.
 pub const SIDE: u32 = 16;
 
-/// The height of a tile: one of a single column has as many pixels.
-pub fn tile_height((width, _): (u32, u32)) -> u32 {
-    if width == 1 { SIDE * SIDE } else { SIDE }
+/// The height of a tile: one of a list, in a single column, has as many
+/// pixels.
+pub fn tile_height(is_list: bool) -> u32 {
+    if is_list { SIDE * SIDE } else { SIDE }
 }
 
 /// A rectangle of pixels that one thread renders at a time.
@@ -119,6 +120,8 @@ pub struct FilmTile<'a> {
 pub struct Film {
     /// Width and height of the whole image.
     pub resolution: (u32, u32),
+    /// Whether it lists receivers, which have no neighbours, in one column.
+    pub is_list: bool,
     /// The pixels that it holds.
     pub window: Window,
     /// The window of its run.
@@ -235,7 +238,7 @@ impl Film {
     /// The film of a whole image of at least one pixel, without a sample.
     pub fn new(width: u32, height: u32) -> Self {
         let window = Window { corner: (0, 0), size: (width, height) };
-        Self::cropped((width, height), window)
+        Self::cropped((width, height), window, false)
     }
 
     /// The tiles of a window, and the place of each by row and column.
@@ -261,13 +264,19 @@ impl Film {
         (tiles, places)
     }
 
-    /// The film of a window that lies within an image of this `resolution`.
-    pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
-        let (tiles, places) = Self::layout(window, tile_height(resolution));
+    /// The film of a window that lies within an image of this `resolution`,
+    /// or within a list.
+    pub fn cropped(
+        resolution: (u32, u32),
+        window: Window,
+        is_list: bool,
+    ) -> Self {
+        let (tiles, places) = Self::layout(window, tile_height(is_list));
         let pixels = zeroed(window.area()).expect("memory for a film");
         // Make a film of these tiles
         Self {
             resolution,
+            is_list,
             window,
             whole: window,
             first: 0,
@@ -308,7 +317,7 @@ impl Film {
 
     /// The place in memory of the tile that holds a pixel.
     fn place(&self, x: u32, y: u32) -> usize {
-        let side = tile_height(self.resolution);
+        let side = self.tile_height();
         let ((left, top), (columns, _)) = self.window.cells(side);
         let cell = (y / side - top) * columns + x / SIDE - left;
         self.places[cell as usize] as usize
@@ -327,7 +336,12 @@ impl Film {
 
     /// The tiles of the whole window of its run.
     pub fn all_tiles(&self) -> Vec<Tile> {
-        Self::layout(self.whole, tile_height(self.resolution)).0
+        Self::layout(self.whole, self.tile_height()).0
+    }
+
+    /// The height of its tiles.
+    pub fn tile_height(&self) -> u32 {
+        tile_height(self.is_list)
     }
 
     /// The pixels, row by row from the top left.
@@ -402,9 +416,25 @@ impl Film {
         self.values(window, f64::NAN, |_, pixel| pixel.mean())
     }
 
-    /// The samples of the pixels of a window, row by row.
-    pub fn counts_of(&self, window: Window) -> Vec<f64> {
-        self.values(window, 0., |_, p| (p.count() * self.replicate) as f64)
+    /// The samples of the pixels of a window, row by row, given those of each
+    /// pixel of the run in a replicate, if they differ.
+    pub fn counts_of(
+        &self,
+        window: Window,
+        own: Option<&[u32]>,
+    ) -> Vec<f64> {
+        let mut counts = self.values(window, 0., |_, p| p.count() as f64);
+        let (whole, (left, top)) = (self.whole, window.corner);
+        let (left, top) = (left - whole.corner.0, top - whole.corner.1);
+        let columns = window.size.0 as usize;
+        for (y, row) in (top as usize..).zip(counts.chunks_mut(columns)) {
+            let start = y * whole.size.0 as usize + left as usize;
+            for (i, count) in row.iter_mut().enumerate() {
+                let own = own.map(|own| u64::from(own[start + i]));
+                *count *= own.unwrap_or(self.replicate) as f64;
+            }
+        }
+        counts
     }
 
     /// The samples that every pixel has at least.
@@ -619,7 +649,7 @@ impl Film {
                 let square: DVec2 = sums[near(x, width)].iter().sum();
                 let [sum, count] =
                     (square - DVec2::new(own, 1.)).to_array();
-                let alone = count == 0. || self.resolution.0 == 1;
+                let alone = count == 0. || self.is_list;
                 let variance = if alone || !own.is_finite() {
                     own
                 } else {

@@ -24,7 +24,7 @@ use serde_json::Value;
 use crate::bvh::Isa;
 use crate::camera::{View, Viewpoint};
 use crate::compare::display::Exposure;
-use crate::film::{Measure, Window, digits, parse_size, tile_height};
+use crate::film::{Measure, SIDE, Window, digits, parse_size};
 use crate::image::Format;
 use crate::materials::Band;
 use crate::output::descriptor;
@@ -643,8 +643,7 @@ impl Options {
             String::from(window)
         );
         let (k, n) = tiles.unwrap_or((1, 1));
-        let side = tile_height(resolution);
-        let rows = if is_within { window.tile_rows(side) } else { 0 };
+        let rows = if is_within { window.tile_rows(SIDE) } else { 0 };
         let bands = format!(
             "--tiles {k}/{n}: the image has {rows} rows of tiles, and not \
              more bands"

@@ -158,7 +158,7 @@ impl<'a> RunOutput<'a> {
                 stops_of(exposure.unwrap_or(Exposure::Auto));
         }
         let stops = known.report.exposure.filter(|&stops| stops != 0.);
-        let behind = known.run_key.subject.light().behind;
+        let behind = known.run_key.subject.sky.behind;
         let is_read = is_png || has(Product::Image(Format::Exr));
         let opacity = match (behind, &*hits) {
             (Some(_), Some(hits)) if is_read => hits.opacity.as_deref(),
@@ -197,7 +197,8 @@ impl<'a> RunOutput<'a> {
                 Product::Report(kind) => write!(out, "{}", page(kind)),
                 Product::Table(format) => {
                     let write = |(table, all): (&Table, _)| {
-                        table.write(format, all, film, out)
+                        let own = known.allocation();
+                        table.write(format, all, film, own, out)
                     };
                     table.map_or(Ok(()), write)
                 }
@@ -253,11 +254,12 @@ impl<'a> RunOutput<'a> {
 
 /// The image on the film, with all that is known about it.
 fn picture<'f>(
-    known: &Known,
+    known: &'f Known,
     film: &'f Film,
     (filtered, opacity): (Option<&'f Image>, Option<&'f [f64]>),
 ) -> Picture<'f> {
     let Known { run_key, report, .. } = known;
+    let allocation = known.allocation();
     let Convergence { spp, rays, seconds, stopped, .. } =
         report.convergence;
     let known = json!({
@@ -280,5 +282,10 @@ fn picture<'f>(
         (FILTERED[1], errors),
     ];
     let more = more.into_iter().filter_map(|(n, all)| Some((n, all?)));
-    Picture { film, more: more.collect(), attributes: attributes(&all) }
+    Picture {
+        film,
+        allocation,
+        more: more.collect(),
+        attributes: attributes(&all),
+    }
 }

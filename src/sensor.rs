@@ -25,7 +25,7 @@ use crate::scene::{Entrance, Frame, Ray, Triangle, Triangles};
 pub enum Sensor {
     /// A camera, and where its rays enter the scene.
     Camera(Camera, Entrance),
-    /// Receivers, one for each row of an image of one column.
+    /// Receivers, one for each row of a film of one column.
     Receivers(Receivers),
 }
 

@@ -26,7 +26,7 @@ use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, Viewpoint, direction, typed};
 use crate::compare::disagreements;
 use crate::compare::display::Exposure;
-use crate::film::{Film, tile_height};
+use crate::film::{Film, SIDE, tile_height};
 use crate::filter::FirstHits;
 use crate::image::{Format, Image};
 use crate::integrator::gather::cache::Grid;
@@ -49,7 +49,7 @@ use crate::sensor::table::{Shape, Table, TableFormat};
 use crate::sensor::{Sensor, read_points};
 use crate::sky::{Cover, Sky};
 use crate::state::checkpoint::{Checkpoint, Known};
-use crate::state::key::{Asked, RunKey, Subject, entries};
+use crate::state::key::{Asked, Framing, RunKey, Sensed, Subject, entries};
 use crate::state::learnt;
 use crate::statistics::Accumulator;
 
@@ -263,7 +263,7 @@ fn keeps_halves(
     resumed: Option<&Checkpoint>,
 ) -> bool {
     let shows = files.iter().any(|(product, _)| product.is_picture())
-        || options.part(1).is_some();
+        || options.part(1).is_some() && !options.has_receivers();
     let is_wanted =
         sampling.method != Method::Reference && shows && !options.no_filter;
     let has = resumed.is_none_or(|saved| saved.known.run_key.filtered);
@@ -469,19 +469,19 @@ fn prepare(
     let named = albedos_by_name(options, &mesh, ranks)?;
     let albedos = FaceAlbedos::new(&mesh.marks, &named, options.albedo())
         .map_err(|error| format!("{file}{error}"))?;
-    let mut subject = subject(options, &mesh, named);
     let (receivers, table) =
         asked(options, points, &mesh, &albedos)?.unzip();
-    subject.receivers = receivers;
+    let subject = subject(options, &mesh, named, receivers);
     // Say where the camera stands
-    if !options.has_camera() && !options.has_receivers() {
-        let View { position, target, up, .. } = subject.view;
+    let framing = subject.sensed.camera();
+    if let (Some(framing), false) = (framing, options.has_camera()) {
+        let View { position, target, up, .. } = framing.view;
         let [p, t, u] = [position, target, up].map(typed);
         let mut options = format!("-p {p} -t {t}");
         if up != DVec3::Z {
             options += &format!(" -u {u}");
         }
-        let zenith = subject.light().zenith;
+        let zenith = subject.sky.zenith;
         if zenith != Sky::new(up).zenith {
             options += &format!(" --zenith {}", direction(zenith));
         }
@@ -492,8 +492,7 @@ fn prepare(
     let mut report = Report::default();
     report.sign("pt");
     report.scene = SceneFile { file, sha256, triangles };
-    report.settings = entries(&subject);
-    let Sky { zenith, cover, .. } = subject.light();
+    let Sky { zenith, cover, .. } = subject.sky;
     report.light =
         format!("{cover:?}, zenith {}", direction(zenith)).to_lowercase();
     report.light += &subject.ground.map_or(String::new(), |albedo| {
@@ -501,7 +500,7 @@ fn prepare(
     });
     // Refuse a reference of something else
     if let (Some(image), Some(path)) = (reference, &options.reference) {
-        let mut ours = attributes(&report.settings);
+        let mut ours = attributes(&entries(&subject));
         ours.insert("scene_sha256".into(), report.scene.sha256.clone());
         let differing = disagreements(&image.attributes, &ours).join(", ");
         if !differing.is_empty() {
@@ -513,7 +512,7 @@ fn prepare(
     let scene = Scene::of(mesh);
     let sensor = match &table {
         Some(table) => Sensor::Receivers(table.receivers(&scene)),
-        None => camera(&subject, &scene.frame)?,
+        None => camera(&subject.sensed, &scene.frame)?,
     };
     Ok(Loaded { scene, subject, report, albedos, sensor, table })
 }
@@ -562,8 +561,9 @@ fn asked(
 }
 
 /// The camera of what is shown.
-fn camera(subject: &Subject, frame: &Frame) -> Result<Sensor, String> {
-    let camera = Camera::new(&subject.view, aspect(subject.resolution))?;
+fn camera(sensed: &Sensed, frame: &Frame) -> Result<Sensor, String> {
+    let framing = sensed.camera().ok_or("there is no camera")?;
+    let camera = Camera::new(&framing.view, aspect(framing.resolution))?;
     let entrance = frame.entrance(camera.position);
     Ok(Sensor::Camera(camera, entrance))
 }
@@ -599,10 +599,14 @@ fn albedos_by_name(
     Ok(named)
 }
 
-/// What is shown of a mesh by a camera.
-fn subject(options: &Options, mesh: &Mesh, named: Named) -> Subject {
+/// What is sensed of a mesh, by receivers or by a camera.
+fn subject(
+    options: &Options,
+    mesh: &Mesh,
+    named: Named,
+    receivers: Option<Asked>,
+) -> Subject {
     let &Options { resolution, crop, ground, .. } = options;
-    let (albedo, receivers) = (options.albedo(), None);
     let mut view = options.view();
     let zenith = match options.zenith {
         None => Sky::new(view.up).zenith,
@@ -611,6 +615,10 @@ fn subject(options: &Options, mesh: &Mesh, named: Named) -> Subject {
     if options.zenith.is_some() && view.up == DVec3::Z {
         view.up = zenith;
     }
+    let sky = Sky {
+        behind: options.background,
+        ..Sky::with(zenith, options.sky)
+    };
     if !options.has_camera() {
         let from = options.viewpoint.unwrap_or(Viewpoint::Iso);
         let corners = mesh.triangles.iter().flatten();
@@ -619,19 +627,11 @@ fn subject(options: &Options, mesh: &Mesh, named: Named) -> Subject {
             view.outside(from, zenith, points, aspect(resolution));
         view = outside.unwrap_or(view);
     }
-    let behind = options.background;
-    let light = Sky { behind, ..Sky::with(zenith, options.sky) };
-    let sky = (light != Sky::new(view.up)).then_some(light);
-    Subject {
-        resolution,
-        crop,
-        view,
-        albedo,
-        named,
-        sky,
-        ground,
-        receivers,
-    }
+    let framing = Framing { resolution, crop, view };
+    let sensed = receivers.map_or(Sensed::Camera(framing), |receivers| {
+        Sensed::Receivers { receivers, count: 0 }
+    });
+    Subject { sensed, albedo: options.albedo(), named, sky, ground }
 }
 
 /// The bytes of a file or of standard input.
@@ -697,7 +697,7 @@ impl World {
     pub fn view(&self) -> LitView<'_> {
         let Self { subject, sensor, albedos, .. } = self;
         let surfaces = Surfaces::new(albedos, subject.ground);
-        let (sky, resolution) = (subject.light(), subject.resolution);
+        let (sky, resolution) = (subject.sky, subject.sensed.resolution());
         LitView { sensor, sky, surfaces, resolution }
     }
 }
@@ -729,16 +729,15 @@ impl World {
     ) -> Result<(), String> {
         let named_albedos = options.named_albedos();
         let named = Named { named_albedos, ..self.subject.named.clone() };
-        let new = subject(options, mesh, named);
-        let sensor = camera(&new, &self.frame)?;
+        let new = subject(options, mesh, named, None);
+        let sensor = camera(&new.sensed, &self.frame)?;
         let old = &self.subject;
         if (old.albedo, &old.named) != (new.albedo, &new.named) {
             let marks = &mesh.marks;
             let faces = FaceAlbedos::new(marks, &new.named, new.albedo)?;
             self.albedos = AlbedoTable::new(&faces, &self.bvh)?;
         }
-        let zenith =
-            |s: &Subject| s.ground.is_some().then(|| s.light().zenith);
+        let zenith = |s: &Subject| s.ground.map(|_| s.sky.zenith);
         if zenith(old) != zenith(&new) {
             self.bvh.set_ground(zenith(&new));
         }
@@ -757,7 +756,7 @@ fn build(
     let Loaded { scene, mut subject, report, albedos, mut sensor, table } =
         loaded;
     // Leave out what would take too long to look for
-    let (width, height) = subject.resolution;
+    let (width, height) = subject.sensed.resolution();
     let tiles = f64::from(width) * f64::from(height) / 256.;
     let seconds = tiles * TILE_SEARCH / rayon::current_num_threads() as f64;
     let time = options.time.filter(|_| !options.explain);
@@ -768,13 +767,12 @@ fn build(
     };
     let Scene { frame, triangles, left_out } = scene;
     // Guess the rays of this process
-    let tiles = subject.window();
-    let tiles = tiles.band(
-        options.tiles.unwrap_or((1, 1)),
-        tile_height(subject.resolution),
-    );
     let (area, is_outside) = match &sensor {
-        Sensor::Camera(_, entrance) => (tiles.area(), !entrance.is_inside),
+        Sensor::Camera(_, entrance) => {
+            let band = options.tiles.unwrap_or((1, 1));
+            let window = subject.sensed.window().band(band, SIDE);
+            (window.area(), !entrance.is_inside)
+        }
         Sensor::Receivers(receivers) => (receivers.count(), false),
     };
     let enough = |target: Target| {
@@ -807,7 +805,7 @@ fn build(
     let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
     let mut bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
-    bvh.set_ground(subject.ground.map(|_| subject.light().zenith));
+    bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
     let albedos = AlbedoTable::new(&albedos, &bvh)?;
     // Settle the receivers
     if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor) {
@@ -819,8 +817,11 @@ fn build(
         if count == 0 {
             return Err(format!("none of the {name} has a value"));
         }
-        subject.resolution = (1, count as u32);
-        let rows = count.div_ceil(256) as u32;
+        if let Sensed::Receivers { count: of, .. } = &mut subject.sensed {
+            *of = count as u32;
+        }
+        let height = tile_height(true);
+        let rows = subject.sensed.window().tile_rows(height);
         if options.tiles.is_some_and(|(_, n)| n > rows) {
             return Err(format!(
                 "--tiles: the {count} {name} have {rows} tiles, and not more bands"
@@ -842,6 +843,7 @@ fn build(
     let World { bvh, left_out, .. } = &world;
     let analysis = SceneAnalysis::find(left_out, bvh, &world.view(), kept);
     let report = &mut world.report;
+    report.settings = entries(&world.subject);
     report.left_out = analysis.left_out().cloned().collect();
     let quality = quality.to_string();
     report.settings.insert("hierarchy".into(), quality.into());
@@ -888,7 +890,7 @@ fn sampling(
     let request = Request {
         method: options.integrator,
         seed: options.seed,
-        window: subject.window(),
+        window: subject.sensed.window(),
         samples: options.samples(),
         error: options.target(),
         time: options.time,
@@ -1037,7 +1039,7 @@ fn render(
         return Ok(stop);
     }
     let is_dark = film.means().all(|mean| mean == 0.);
-    if is_dark && output.known.run_key.subject.receivers.is_some() {
+    if is_dark && output.known.run_key.subject.sensed.is_list() {
         progress::warn("no light arrives: does a face close each opening?");
     }
     output.write(&convergence, &film, None)?;

@@ -11,7 +11,7 @@ use glam::DVec3;
 use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::analysis::{SHORTCUTS, SceneAnalysis};
 use litpt::camera::View;
-use litpt::render::choose::{Method, Sampling};
+use litpt::render::choose::{Method, Pixels, Sampling};
 use litpt_book::closed_forms::cavity;
 use litpt_book::settings::{Setting, all, named};
 
@@ -46,7 +46,7 @@ fn work_is_left_out_without_a_trace_by_each_shortcut() {
 
 /// The samples of the reference.
 fn plain() -> Sampling {
-    Sampling::new(Method::Reference, 1, None, (1, 1))
+    Sampling::new(Method::Reference, 1, None, Pixels::of_image((1, 1)))
 }
 
 /// A lie about what is known changes the image.

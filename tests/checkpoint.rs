@@ -27,7 +27,8 @@ fn run_key_with(changes: Value) -> RunKey {
         "version": "0", "integrator": "i", "scene_sha256": "ab",
         "resolution": [5, 3], "position": [0.5, -1e9, 3.],
         "target": [0., 0., 0.], "up": [0., 0., 1.], "fov": 0.1,
-        "albedo": 0.5, "method": "sobol", "seed": 7, "replicate": 4,
+        "albedo": 0.5, "sky": {"zenith": [0., 0., 1.], "cover": "uniform"},
+        "method": "sobol", "seed": 7, "replicate": 4,
         "training": 0, "sky_control": 90, "filtered": false,
     });
     for (name, value) in changes.as_object().unwrap() {

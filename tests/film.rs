@@ -79,7 +79,7 @@ fn the_first_pass_is_scattered_over_the_image() {
 #[test]
 fn a_pixel_without_a_sample_has_no_mean() {
     let window = Window { corner: (17, 3), size: (40, 30) };
-    let mut film = Film::cropped((60, 40), window);
+    let mut film = Film::cropped((60, 40), window, false);
     let FilmTile { tile, pixels, .. } = film.tiles().swap_remove(2);
     pixels.iter_mut().for_each(|pixel| pixel.add(0.25));
     let (left, top) = tile.corner;
@@ -185,7 +185,7 @@ fn a_window_has_the_samples_of_the_whole_image() {
     let mut whole = Film::new(resolution.0, resolution.1);
     setting.job(9).pass(&mut whole, 3, &|_| true);
     for window @ Window { corner, size } in WINDOWS {
-        let mut part = Film::cropped(resolution, window);
+        let mut part = Film::cropped(resolution, window, false);
         setting.job(9).pass(&mut part, 3, &|_| true);
         assert_eq!(part.window.size, size);
         assert_eq!(part.resolution, resolution);
@@ -211,7 +211,7 @@ fn a_window_has_the_samples_of_the_whole_image() {
 #[test]
 fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
     for window @ Window { corner, size } in WINDOWS {
-        let film = Film::cropped((60, 40), window);
+        let film = Film::cropped((60, 40), window, false);
         assert_eq!(film.tile_errors(window), None);
         let mut film = film.with_shared_tiles();
         let unknown = film.tile_errors(window).unwrap();

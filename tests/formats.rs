@@ -112,7 +112,8 @@ fn an_exr_file_brings_back_all_that_was_written_and_no_more() {
 
 /// A film without attributes.
 fn unnamed(film: &Film) -> Picture<'_> {
-    Picture { film, more: vec![], attributes: BTreeMap::new() }
+    let (more, attributes) = (vec![], BTreeMap::new());
+    Picture { film, allocation: None, more, attributes }
 }
 
 /// A film is written block by block, most of which may be gaps.
@@ -121,7 +122,7 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
     let window = film::Window { corner: (9, 20), size: (300, 150) };
     // Threads may meet the first gap at the same time.
     for gaps in [true; 9].into_iter().chain([false]) {
-        let film = Film::cropped((400, 400), window);
+        let film = Film::cropped((400, 400), window, false);
         let mut film = film.with_replicates(4).with_shared_tiles();
         let tiles = film.tiles().into_iter().enumerate();
         for (i, FilmTile { pixels, mut mean, .. }) in

@@ -6,7 +6,7 @@
 use crate::common;
 
 use common::{BOX, Scratch};
-use litpt::render::choose::{Method, Sampling};
+use litpt::render::choose::{Method, Pixels, Sampling};
 use sha2::{Digest, Sha256};
 
 /// The identities, and the hash of the images below that belongs to each.
@@ -50,7 +50,9 @@ fn the_bits_of_samples_change_with_their_version_only() {
         let hash = hash.finalize();
         let hash: String =
             hash.iter().map(|byte| format!("{byte:02x}")).collect();
-        let identity = Sampling::new(method, 0, Some(9), (7, 5)).identity();
+        let identity =
+            Sampling::new(method, 0, Some(9), Pixels::of_image((7, 5)))
+                .identity();
         assert_eq!(
             (&*identity, &*hash),
             known,

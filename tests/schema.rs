@@ -34,8 +34,13 @@ fn check(schema: &Value, values: &[&Value], path: &str) {
         schema.as_object().unwrap().keys().map(|w| &w[..]).collect();
     let known =
         ["$schema", "$comment", "title", "description", "type", "enum"];
-    let nested =
-        ["items", "properties", "required", "additionalProperties"];
+    let nested = [
+        "items",
+        "properties",
+        "required",
+        "additionalProperties",
+        "oneOf",
+    ];
     let known = [&known[..], &nested].concat();
     assert!(words.iter().all(|w| known.contains(w)), "{path}: {words:?}");
     assert!(!values.is_empty(), "{path} is in no report");
@@ -60,6 +65,21 @@ fn check(schema: &Value, values: &[&Value], path: &str) {
                 names.filter(|name| !fields.contains_key(*name)).collect();
             assert!(strange.is_empty(), "{path}: {strange:?}");
         }
+        // Each value is of one of several kinds, and each kind occurs.
+        let kinds = schema["oneOf"].as_array().into_iter().flatten();
+        let mut kinds_of = vec![0; values.len()];
+        for kind in kinds {
+            let names = kind["required"].as_array().unwrap();
+            let has = |n: &Value, value: &Value| {
+                value.get(n.as_str().unwrap()).is_some()
+            };
+            for (count, value) in kinds_of.iter_mut().zip(values) {
+                *count += i32::from(names.iter().all(|n| has(n, value)));
+            }
+            assert!(kinds_of.contains(&1), "{path}: no {names:?}");
+        }
+        let one = i32::from(schema.get("oneOf").is_some());
+        assert!(kinds_of.iter().all(|&count| count == one), "{path}");
         for (name, schema) in fields {
             let all: Vec<_> =
                 values.iter().filter_map(|value| value.get(name)).collect();

@@ -11,6 +11,7 @@ use std::fmt::Write;
 
 use glam::DVec3;
 use litpt::bvh::{Bvh, GROUND, Intersector, NONE};
+use litpt::film::{Film, WORTH, Window};
 use litpt::materials::{FaceAlbedos, Named};
 use litpt::sampler::generator;
 use litpt::scene::{MarkKind, Mesh, Ray, Scene, read_obj};
@@ -18,6 +19,7 @@ use litpt::sensor::read_points;
 use litpt::sky::{Cover, Sky};
 use litpt_book::closed_forms::{cavity, polygon_share};
 use rand::RngExt;
+use serde_json::Value;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// Values of this file that are compared with what is known.
@@ -317,6 +319,88 @@ fn receivers_have_tables_and_no_images() {
     let text = place.get("b.ply");
     let text = String::from_utf8_lossy(&text);
     assert!(text.contains("element face 12\n"));
+}
+
+/// Whatever the width of a part of an image, its pixels are what they are in
+/// the whole, by the method that the whole has, and know their neighbours.
+#[test]
+fn an_image_of_one_column_is_no_list_of_receivers() {
+    let place = Scratch::new();
+    let render = |options: &str| {
+        let options =
+            format!("-d40x48 -o a.exr --report a.json -f {options}");
+        place.done(&format!("-iroom.obj -r0.7 -F90 {options}"));
+        let settings = &place.json("a.json")["settings"];
+        (settings["integrator"].clone(), place.image("a.exr"))
+    };
+    let (method, whole) = render("-n2");
+    let (same, part) = render("-n2 --crop 9,0,1x48");
+    assert_eq!(method, same);
+    assert!(whole.means.iter().skip(9).step_by(40).eq(&part.means));
+    // A pixel borrows variance from the pixels above and below it.
+    let film = |is_list| {
+        let size = (1, 3);
+        let window = Window { corner: (0, 0), size };
+        let mut film = Film::cropped(size, window, is_list);
+        for (y, pixel) in (0..).zip(&mut film.pixels) {
+            (0..4).for_each(|n| pixel.add(f64::from(n % 2 * y)));
+        }
+        film.errors(WORTH, window)
+    };
+    assert_eq!(film(true)[0], 0.);
+    assert!(film(false)[0] > 0.);
+}
+
+#[test]
+fn a_camera_is_no_part_of_a_run_of_receivers() {
+    let place = Scratch::new();
+    place.put("p.txt", "0 0 0 0 0 1\n1 1 0 0 0 1\n");
+    let run = |options: &str| place.free(options).succeeded();
+    let points = "room.obj --points p.txt -n 64 --integrator=sobol -f";
+    run(&format!("{points} -o a.litpt --report a.json"));
+    let settings = &place.json("a.json")["settings"];
+    for name in ["resolution", "position", "target", "up", "fov"] {
+        assert_eq!(settings[name], Value::Null, "{name}");
+    }
+    assert_eq!(settings["count"], 2);
+    // The words of a camera change no sample, and so no run.
+    run("--resume a.litpt -F 50 -d 7x5 -n 128 -o a.csv -f");
+    let parts = ["-F 50 --samples 0..64", "-d 7x5 --samples 64..128"];
+    for (k, part) in parts.iter().enumerate() {
+        let points = points.replace("-n 64", "-n 128");
+        run(&format!("{points} {part} -o {k}.litpt"));
+    }
+    place.ptimg("merge 0.litpt 1.litpt -o all.litpt").succeeded();
+    run("--resume all.litpt -o b.csv -f");
+    let samples = |name: &str| {
+        let text = place.text(name);
+        let last = text.lines().nth(1).unwrap().rsplit(',').next();
+        last.unwrap().to_owned()
+    };
+    assert_eq!([samples("a.csv"), samples("b.csv")], ["128", "128"]);
+}
+
+/// A gather samples some pixels more often than others, and says which.
+#[test]
+fn the_samples_of_a_gather_are_those_that_it_has_allocated() {
+    let place = Scratch::new();
+    let gather = "-iroom.obj -r0.7 -F90 -d40x48 --integrator=gather";
+    place.done(&format!("{gather} -n64 -o a.exr"));
+    let counts = place.image("a.exr").samples.unwrap();
+    let mean = counts.iter().sum::<f64>() / counts.len() as f64;
+    assert!((mean - 64.).abs() < 0.5, "{mean}");
+    let [least, most] = [f64::min, f64::max]
+        .map(|f| counts.iter().copied().reduce(f).unwrap());
+    assert!(16. <= least && least < 64. && 64. < most, "{least} {most}");
+    // A part and what is merged have the same.
+    place.done(&format!("{gather} -n64 --tiles 2/3 -o b.exr"));
+    let part = place.image("b.exr");
+    assert_eq!(part.samples.unwrap(), counts[16 * 40..32 * 40]);
+    for (k, part) in ["0..32", "32..64"].iter().enumerate() {
+        place.done(&format!("{gather} -n64 --samples {part} -o {k}.litpt"));
+    }
+    place.ptimg("merge 0.litpt 1.litpt -o c.exr").succeeded();
+    assert_eq!(place.image("c.exr").samples.unwrap(), counts);
 }
 
 // Threads, shards, a resumed run and sets of instructions.

@@ -11,9 +11,10 @@ use std::sync::Arc;
 
 use common::{ROOM, Scratch};
 use litpt::analysis::SceneAnalysis;
+use litpt::film::Film;
 use litpt::integrator::Alone;
 use litpt::options::Options;
-use litpt::render::choose::{Method, Sampling, Setup};
+use litpt::render::choose::{Method, Pixels, Sampling, Setup};
 use litpt::session::World;
 
 /// The image of a world by the reference.
@@ -21,10 +22,15 @@ fn image(world: &World) -> Vec<f64> {
     let (bvh, view) = (&world.bvh, &world.view());
     let analysis = &SceneAnalysis::default();
     let setup = Setup { intersector: bvh, view, analysis };
-    let window = world.subject.window();
-    let sampling =
-        Sampling::new(Method::Reference, 0, Some(2), window.size);
-    let mut film = sampling.film(view.resolution, window);
+    let window = world.subject.sensed.window();
+    let sampling = Sampling::new(
+        Method::Reference,
+        0,
+        Some(2),
+        Pixels::of_image(window.size),
+    );
+    let film = Film::cropped(view.resolution, window, false);
+    let mut film = sampling.film(film);
     let mut paths = setup.renderer(&sampling, Arc::default(), &Alone);
     paths.pass(&mut film, 2, &|_| true);
     film.means().collect()

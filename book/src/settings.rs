@@ -15,7 +15,7 @@ use litpt::camera::{Camera, View};
 use litpt::film::{Film, Window};
 use litpt::integrator::Alone;
 use litpt::materials::Surfaces;
-use litpt::render::choose::{Method, Sampling, Setup};
+use litpt::render::choose::{Method, Pixels, Sampling, Setup};
 use litpt::scene::{Mesh, Scene};
 use litpt::sensor::Sensor;
 use litpt::sky::Sky;
@@ -48,7 +48,12 @@ impl Setting {
         n: u64,
         seed: u64,
     ) -> Outcome {
-        let sampling = Sampling::new(Method::Reference, seed, None, (1, 1));
+        let sampling = Sampling::new(
+            Method::Reference,
+            seed,
+            None,
+            Pixels::of_image((1, 1)),
+        );
         self.render_with(kept, resolution, n, &sampling, |_| ())
     }
 
@@ -81,7 +86,8 @@ impl Setting {
         lie(&mut analysis);
         let found = start.elapsed().as_secs_f64();
         let window = Window { corner: (0, 0), size: resolution };
-        let mut film = sampling.film(resolution, window);
+        let film = Film::cropped(resolution, window, false);
+        let mut film = sampling.film(film);
         let start = Instant::now();
         let setup = Setup {
             intersector: &intersector,

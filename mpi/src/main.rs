@@ -15,7 +15,7 @@ use std::sync::{Mutex, MutexGuard, Once, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 use std::{panic, thread};
 
-use litpt::film::{Film, SIDE, Watch, Window, tile_height};
+use litpt::film::{Film, SIDE, Watch, Window};
 use litpt::integrator::Together;
 use litpt::progress;
 use litpt::render::{Renderer, Share};
@@ -314,7 +314,7 @@ impl<'a> Pass<'a> {
         let most = self.most();
         while let Some(window) = self.windows.pop() {
             // Halve the window if it is too large or its tiles differ
-            let height = tile_height(self.film.resolution);
+            let height = self.film.tile_height();
             let counts = corners(window, height)
                 .map(|(x, y)| self.film.pixel(x, y).count());
             let least = counts.clone().min().unwrap_or_default();

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::bvh::Bvh;
 use crate::camera::Camera;
-use crate::film::{SIDE, tile_height};
+use crate::film::SIDE;
 use crate::numerics::cross;
 use crate::scene::Triangle;
 use crate::sky::Sky;
@@ -29,21 +29,17 @@ pub enum TileContent {
 #[derive(Default)]
 pub struct KnownPixels {
     columns: u32,
-    /// The height of a tile.
-    side: u32,
     /// By row and column; none if nothing is known.
     tiles: Vec<TileContent>,
 }
 
 impl KnownPixels {
     /// For a render of which nothing is known.
-    pub const NOTHING: &Self =
-        &Self { columns: 0, side: SIDE, tiles: vec![] };
+    pub const NOTHING: &Self = &Self { columns: 0, tiles: vec![] };
 
     /// What is known of the tile of a pixel.
     pub fn content(&self, (x, y): (u32, u32)) -> TileContent {
-        let row = y / self.side.max(1);
-        let tile = (row * self.columns + x / SIDE) as usize;
+        let tile = (y / SIDE * self.columns + x / SIDE) as usize;
         self.tiles.get(tile).copied().unwrap_or(TileContent::Scene)
     }
 
@@ -59,11 +55,10 @@ impl KnownPixels {
         (width, height): (u32, u32),
         content: impl Fn(u32, u32) -> TileContent + Sync,
     ) -> Self {
-        let side = tile_height((width, height));
-        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(side));
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
         let tiles = (0..columns * rows).into_par_iter();
-        let tile = |i| content(i % columns * SIDE, i / columns * side);
-        Self { columns, side, tiles: tiles.map(tile).collect() }
+        let tile = |i| content(i % columns * SIDE, i / columns * SIDE);
+        Self { columns, tiles: tiles.map(tile).collect() }
     }
 
     /// All of an image of this width and height is black.
@@ -81,14 +76,13 @@ impl KnownPixels {
         tip: DVec3,
         intersector: &Bvh,
     ) -> Self {
-        let side = tile_height((width, height));
         let size = tip.abs().max_element() + 16384.;
         let margin = size / (1u64 << 46) as f64;
         Self::new((width, height), |x, y| {
             // Find what one tile can see
             // Send rays through the corners of the tile
             let (right, bottom) =
-                ((x + SIDE).min(width), (y + side).min(height));
+                ((x + SIDE).min(width), (y + SIDE).min(height));
             let corners =
                 [(x, y), (right, y), (right, bottom), (x, bottom)];
             let corners = corners.map(|(x, y)| {

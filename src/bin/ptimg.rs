@@ -311,7 +311,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let targets = targets.chain(states.iter().map(of_state));
             let targets = targets.collect::<Result<Vec<_>, String>>()?;
             let merged = shards::merge(files)?;
-            if merged.known.run_key.subject.receivers.is_some()
+            if merged.known.run_key.subject.sensed.is_list()
                 && targets
                     .iter()
                     .any(|(product, _)| *product != Product::State)
@@ -341,7 +341,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let lack = match run_key.filtered {
                 true => Some("is not filtered"),
                 false => {
-                    run_key.subject.light().behind.map(|_| "has no opacity")
+                    run_key.subject.sky.behind.map(|_| "has no opacity")
                 }
             };
             if let Some(lack) =

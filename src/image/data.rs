@@ -90,6 +90,8 @@ pub trait Source: Sync {
 pub struct Picture<'a> {
     /// The sums.
     pub film: &'a Film,
+    /// The samples of each pixel of the run in a replicate, if they differ.
+    pub allocation: Option<&'a [u32]>,
     /// Other channels, by name.
     pub more: Vec<(&'static str, &'a [f64])>,
     /// What is known about the run; see [`Image::attributes`].
@@ -118,7 +120,8 @@ impl Source for Picture<'_> {
         let more = self.more.iter().filter(|_| all);
         Image {
             errors: film.map(|film| film.errors(WORTH, window)),
-            samples: film.map(|film| film.counts_of(window)),
+            samples: film
+                .map(|film| film.counts_of(window, self.allocation)),
             tile_errors: film.and_then(|film| film.tile_errors(window)),
             more: more
                 .map(|(n, list)| (*n, crop(list, columns, place)))

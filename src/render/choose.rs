@@ -25,6 +25,7 @@ use crate::integrator::{Together, identity};
 use crate::numerics::power_of_two;
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
+use crate::sensor::Sensor;
 
 /// How samples are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -86,18 +87,32 @@ pub struct Sampling {
     pub measure: Measure,
 }
 
+/// The pixels of a window.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixels {
+    /// How many.
+    pub area: u64,
+    /// Whether they list receivers, which have no neighbours.
+    pub is_list: bool,
+}
+
+impl Pixels {
+    /// Those of an image of this width and height.
+    pub fn of_image((width, height): (u32, u32)) -> Self {
+        Self { area: u64::from(width) * u64::from(height), is_list: false }
+    }
+}
+
 impl Sampling {
-    /// For `samples` of each pixel of a window of this width and height, if that
-    /// is known, in at least 16 replicates; of a net 4, if the window has several
-    /// columns, since pixels then borrow from their neighbours.
+    /// For `samples` of each pixel of a film, if that is known, in at least 16
+    /// replicates; of a net 4 in an image, whose pixels borrow from their
+    /// neighbours.
     pub fn new(
         method: Method,
         seed: u64,
         samples: Option<u64>,
-        (width, height): (u32, u32),
+        Pixels { area, is_list }: Pixels,
     ) -> Self {
-        let area = u64::from(width) * u64::from(height);
-        let is_list = width == 1;
         let (least, most, gathered) =
             if is_list { (16, 1 << 12, 16) } else { (4, 1 << 8, 4) };
         let together = |replicates: u64, most: u64| match samples {
@@ -118,9 +133,8 @@ impl Sampling {
         Self { method, seed, replicate, training, control, measure }
     }
 
-    /// A film for these samples, without one.
-    pub fn film(&self, resolution: (u32, u32), window: Window) -> Film {
-        let film = Film::cropped(resolution, window);
+    /// The same film, which has no sample, for these samples.
+    pub fn film(&self, film: Film) -> Film {
         let film = film.with_replicates(self.replicate);
         match self.method {
             Method::Gather => film.with_shared_tiles(),
@@ -191,6 +205,12 @@ impl<'a> Setup<'a> {
         }
     }
 
+    /// The pixels of a window of this view.
+    fn pixels(&self, window: Window) -> Pixels {
+        let is_list = matches!(self.view.sensor, Sensor::Receivers(_));
+        Pixels { area: window.area() as u64, is_list }
+    }
+
     /// The renderer of paths.
     fn job(
         &self,
@@ -223,17 +243,17 @@ impl<'a> Setup<'a> {
         let pilot = self.intersector.dispatch(trial);
         let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
         // Foresee the costs of all methods
-        let &Request { window: Window { size, .. }, seed, error, .. } =
-            request;
+        let &Request { seed, error, .. } = request;
         let albedo = self.view.surfaces.typical;
-        let forecast = Forecast { pilot, albedo, size };
+        let pixels = self.pixels(request.window);
+        let forecast = Forecast { pilot, albedo, pixels };
         let percent = (100. * pilot.control()).round() as u64;
         let allowed = error.map(|error| forecast.allowed(error));
         let methods = Method::ALL.map(|method| {
             let enough =
                 allowed.map(|square| forecast.needed(method, square));
             let samples = samples.into_iter().chain(enough).min();
-            let mut sampling = Sampling::new(method, seed, samples, size);
+            let mut sampling = Sampling::new(method, seed, samples, pixels);
             match (method, error) {
                 (Method::Gather, Some((_, measure))) => {
                     sampling.measure = measure
@@ -299,11 +319,12 @@ impl<'a> Setup<'a> {
         {
             return (choice.sampling, Some(choice));
         }
-        let is_list = request.window.size.0 == 1;
+        let pixels = self.pixels(request.window);
+        let is_list = pixels.is_list;
         let usual = if is_list { Method::Sobol } else { Method::Reference };
         let method = wanted.unwrap_or(usual);
         let (seed, samples) = (request.seed, request.bound());
-        let new = Sampling::new(method, seed, samples, request.window.size);
+        let new = Sampling::new(method, seed, samples, pixels);
         let kept = |saved| Sampling { method, seed, ..saved };
         (saved.map_or(new, kept), None)
     }
@@ -477,14 +498,13 @@ struct Forecast {
     pilot: Pilot,
     /// A typical albedo of the surfaces.
     albedo: f64,
-    /// Width and height of the window.
-    size: (u32, u32),
+    pixels: Pixels,
 }
 
 impl Forecast {
     /// The number of pixels.
     fn area(&self) -> f64 {
-        f64::from(self.size.0) * f64::from(self.size.1)
+        self.pixels.area as f64
     }
 
     /// The variance of a sample and its rays, these in units of the rays of
@@ -500,7 +520,7 @@ impl Forecast {
             }
             Method::Gather => {
                 // Foresee the variance and the rays of a gather
-                let part = if self.size.0 == 1 { RECEIVED } else { 1. };
+                let part = if self.pixels.is_list { RECEIVED } else { 1. };
                 let once =
                     self.learning(sampling) / (self.area() * samples);
                 let guided = 0.68 * first * square
@@ -531,14 +551,14 @@ impl Forecast {
 
     /// The rays of a path up to its second surface; a receiver is one.
     fn seen(&self) -> f64 {
-        if self.size.0 == 1 { 1. } else { self.pilot.first_rays }
+        if self.pixels.is_list { 1. } else { self.pilot.first_rays }
     }
 
     /// The samples of each pixel of a window after which the image has an error,
     /// up to a fifth too many, and two at least: one has no error yet.
     fn needed(&self, method: Method, square: f64) -> u64 {
         let is_enough = |&n: &u64| {
-            let sampling = Sampling::new(method, 0, Some(n), self.size);
+            let sampling = Sampling::new(method, 0, Some(n), self.pixels);
             let [variance, _] = self.foresee(&sampling, n as f64);
             variance <= n as f64 * square
         };

@@ -129,7 +129,8 @@ impl Table {
         (none > 0).then_some(line)
     }
 
-    /// Writes the values of receivers that are on a film.
+    /// Writes the values of receivers that are on a film, with the samples of
+    /// each in a replicate, if they differ.
     ///
     /// # Errors
     /// They cannot be written.
@@ -138,9 +139,10 @@ impl Table {
         format: TableFormat,
         receivers: &Receivers,
         film: &Film,
+        allocation: Option<&[u32]>,
         out: &mut dyn Write,
     ) -> io::Result<()> {
-        let values = self.values(receivers, film);
+        let values = self.values(receivers, film, allocation);
         match format {
             TableFormat::Csv => self.csv(&values, out),
             TableFormat::Ply => self.ply(&values, out),
@@ -149,7 +151,12 @@ impl Table {
     }
 
     /// The values of all receivers, in the order of the file.
-    fn values(&self, receivers: &Receivers, film: &Film) -> Vec<Value> {
+    fn values(
+        &self,
+        receivers: &Receivers,
+        film: &Film,
+        allocation: Option<&[u32]>,
+    ) -> Vec<Value> {
         let Receivers { numbers, refused, .. } = receivers;
         let none = [f64::NAN, f64::NAN, 0.];
         let mut values = vec![none; numbers.len() + refused.len()];
@@ -157,7 +164,7 @@ impl Table {
         let errors = film.errors(WORTH, window);
         let numbers = &numbers[window.corner.1 as usize..];
         let found = film.means_of(window).into_iter().zip(errors);
-        let found = found.zip(film.counts_of(window));
+        let found = found.zip(film.counts_of(window, allocation));
         for (&number, ((mean, error), count)) in numbers.iter().zip(found) {
             let (face, _) = self.face(number);
             let part = self.albedos.as_ref().map_or(1., |all| all.of(face));

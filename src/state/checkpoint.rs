@@ -21,7 +21,7 @@ use crate::state::key::RunKey;
 use crate::state::learnt;
 
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 7\n";
+const MAGIC: &[u8] = b"litpt checkpoint 8\n";
 
 /// What is known of a run beside its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -38,6 +38,11 @@ pub struct Known {
 }
 
 impl Known {
+    /// The samples of each pixel in a replicate, if they differ.
+    pub fn allocation(&self) -> Option<&[u32]> {
+        Some(&self.learnt.get()?.allocation.counts)
+    }
+
     /// Whether this is known of a run of another key.
     ///
     /// # Errors

@@ -39,9 +39,42 @@ pub struct RunKey {
     pub filtered: bool,
 }
 
-/// What an image shows of a scene.
+/// A scene with its light, and what is sensed of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Subject {
+    /// What senses the light.
+    #[serde(flatten)]
+    pub sensed: Sensed,
+    /// Albedo of every surface without one of its own.
+    pub albedo: f64,
+    /// Albedos by name.
+    #[serde(flatten)]
+    pub named: Named,
+    /// The sky.
+    pub sky: Sky,
+    /// Albedo of the ground, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground: Option<f64>,
+}
+
+/// What senses the light of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Sensed {
+    /// A camera.
+    Camera(Framing),
+    /// Receivers.
+    Receivers {
+        /// Which ones.
+        receivers: Asked,
+        /// How many of them may have a value.
+        count: u32,
+    },
+}
+
+/// What a camera shows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Framing {
     /// Width and height of the whole image.
     pub resolution: (u32, u32),
     /// The window that is rendered, unless it is the whole image.
@@ -50,20 +83,6 @@ pub struct Subject {
     /// Where the camera stands and looks.
     #[serde(flatten)]
     pub view: View,
-    /// Albedo of every surface without one of its own.
-    pub albedo: f64,
-    /// Albedos by name.
-    #[serde(flatten)]
-    pub named: Named,
-    /// The sky, unless it is uniform around the camera's up axis.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sky: Option<Sky>,
-    /// Albedo of the ground, if there is one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ground: Option<f64>,
-    /// The receivers, if there is no camera.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub receivers: Option<Asked>,
 }
 
 /// Which receivers are asked for.
@@ -78,15 +97,34 @@ pub enum Asked {
     Vertices,
 }
 
-impl Subject {
-    /// The window of the run.
-    pub fn window(&self) -> Window {
-        whole_window(self.resolution, self.crop)
+impl Sensed {
+    /// Whether receivers are listed, and there is no image.
+    pub fn is_list(&self) -> bool {
+        matches!(self, Self::Receivers { .. })
     }
 
-    /// The light.
-    pub fn light(&self) -> Sky {
-        self.sky.unwrap_or_else(|| Sky::new(self.view.up))
+    /// The camera, if there is one.
+    pub fn camera(&self) -> Option<&Framing> {
+        if let Self::Camera(framing) = self { Some(framing) } else { None }
+    }
+
+    /// Width and height of the whole film: receivers stand in one column.
+    pub fn resolution(&self) -> (u32, u32) {
+        match self {
+            Self::Camera(framing) => framing.resolution,
+            Self::Receivers { count, .. } => (1, *count),
+        }
+    }
+
+    /// The window of the run.
+    pub fn window(&self) -> Window {
+        let crop = self.camera().and_then(|framing| framing.crop);
+        whole_window(self.resolution(), crop)
+    }
+
+    /// An empty film of a part of the window.
+    pub fn film(&self, window: Window) -> Film {
+        Film::cropped(self.resolution(), window, self.is_list())
     }
 }
 
@@ -140,9 +178,10 @@ impl RunKey {
 
     /// The window of the run, and the band of it that is rendered.
     pub fn windows(&self) -> [Window; 2] {
-        let window = self.subject.window();
+        let sensed = &self.subject.sensed;
+        let window = sensed.window();
         let band = self.part.map_or((1, 1), |part| part.band);
-        [window, window.band(band, tile_height(self.subject.resolution))]
+        [window, window.band(band, tile_height(sensed.is_list()))]
     }
 
     /// Whether the run has no sample, and only learns; its state has no sums.
@@ -159,7 +198,7 @@ impl RunKey {
     /// An empty film of a part of the window, for samples that follow so many
     /// others.
     pub fn film_of(&self, window: Window, first: u64) -> Film {
-        let mut film = self.sampling.film(self.subject.resolution, window);
+        let mut film = self.sampling.film(self.subject.sensed.film(window));
         (film.whole, film.first) = (self.windows()[0], first);
         if self.filtered { film.with_halves() } else { film }
     }

@@ -50,7 +50,7 @@ pub fn read(
         return Ok(Arc::default());
     };
     let (grid, cells, guides, is_big): (Grid, usize, usize, bool) = head;
-    let window = run_key.subject.window();
+    let window = run_key.subject.sensed.window();
     // Read the arrays
     let (cells, guides) = (get(from, cells)?, get(from, guides)?);
     let counts = get::<u32>(from, window.area())?;

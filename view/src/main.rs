@@ -31,7 +31,7 @@ use litpt::integrator::{PathTracer, Renderer};
 use litpt::options::{Error, Options, ViewOptions, parse_words};
 use litpt::progress;
 use litpt::render::Job;
-use litpt::render::choose::{self, Method, Sampling, Setup};
+use litpt::render::choose::{self, Method, Pixels, Sampling, Setup};
 use litpt::render_loop::{Convergence, CurvePoint, Interrupt, Limits};
 use litpt::sampler::{IndependentSampler, Sampler};
 use litpt::scene::Mesh;
@@ -325,7 +325,8 @@ impl Guess {
         let analysis = &SceneAnalysis::default();
         let setup = Setup { intersector: bvh, view, analysis };
         let size = view.resolution;
-        let sampling = Sampling::new(Method::Gather, 0, Some(1), size);
+        let pixels = Pixels::of_image(size);
+        let sampling = Sampling::new(Method::Gather, 0, Some(1), pixels);
         let film = Film::new(size.0, size.1).with_shared_tiles();
         self.learnt = Arc::default();
         let learnt = Arc::clone(&self.learnt);
@@ -403,7 +404,8 @@ impl Viewer {
         let old = world.subject.clone();
         world.show(&options, mesh)?;
         let new = &world.subject;
-        if reads || (Subject { view: new.view, ..old }) != *new {
+        let old = Subject { sensed: new.sensed.clone(), ..old };
+        if reads || old != *new {
             guess.learnt = Arc::default();
         }
         drop(scene);
@@ -419,7 +421,7 @@ impl Viewer {
             guess.learn(world);
         }
         // Glance at the view while it changes
-        let (width, height) = world.subject.resolution;
+        let (width, height) = world.subject.sensed.resolution();
         let seconds = guess.pace * (2 * width * height) as f64;
         let scale = (15. * seconds).sqrt().ceil().clamp(4., 8.);
         self.glance(world, guess, (scale as u32, 2), &|_| true);
@@ -456,10 +458,11 @@ impl Viewer {
             return;
         }
         let subject = &world.subject;
-        let View { position, target, up, fov } = subject.view;
-        let Sky { zenith, cover, .. } = subject.light();
+        let Some(framing) = subject.sensed.camera() else { return };
+        let View { position, target, up, fov } = framing.view;
+        let Sky { zenith, cover, .. } = subject.sky;
         let ((width, height), settings) =
-            (subject.resolution, &mut wanted.settings);
+            (framing.resolution, &mut wanted.settings);
         settings.remove("--view");
         let own = settings.remove("--zenith").unwrap_or(typed(zenith));
         if Sky::new(up).zenith != zenith {
@@ -530,7 +533,7 @@ impl Viewer {
         let request = choose::Request {
             method: options.integrator,
             seed: options.seed,
-            window: subject.window(),
+            window: subject.sensed.window(),
             samples: Some(64),
             error: None,
             time: None,
@@ -543,7 +546,8 @@ impl Viewer {
         let learnt = Arc::default();
         let mut renderer =
             setup.renderer(&sampling, Arc::clone(&learnt), &Alone);
-        let mut film = sampling.film(subject.resolution, subject.window());
+        let window = subject.sensed.window();
+        let mut film = sampling.film(subject.sensed.film(window));
         if sampling.method != Method::Reference {
             film = film.with_halves();
         }

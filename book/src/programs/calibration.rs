@@ -13,7 +13,7 @@ use litpt::camera::View;
 use litpt::film::{Film, Summary, WORTH, Window};
 use litpt::integrator::Alone;
 use litpt::render::Job;
-use litpt::render::choose::{Method, Request, Sampling, Setup};
+use litpt::render::choose::{Method, Pixels, Request, Sampling, Setup};
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt_book::courtyard;
@@ -147,10 +147,11 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
         left: None,
     };
     let choice = setup.choose(&request);
-    let sampling = Sampling::new(method, seed, Some(n), window.size);
+    let sampling =
+        Sampling::new(method, seed, Some(n), Pixels::of_image(window.size));
     let sampling = choice.map_or(sampling, |choice| choice.sampling);
     let mut renderer = setup.renderer(&sampling, Arc::default(), &Alone);
-    let mut film = sampling.film(resolution, window);
+    let mut film = sampling.film(Film::cropped(resolution, window, false));
     renderer.pass(&mut film, n, &|_| true);
     film
 }

@@ -25,7 +25,7 @@ use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::{Alone, PathTracer};
 use litpt::materials::Surfaces;
-use litpt::render::choose::{Method, Sampling, Setup};
+use litpt::render::choose::{Method, Pixels, Sampling, Setup};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene};
@@ -299,7 +299,12 @@ impl Case {
             view: &view,
             analysis: &analysis,
         };
-        let sampling = Sampling::new(Method::Reference, 0, None, (1, 1));
+        let sampling = Sampling::new(
+            Method::Reference,
+            0,
+            None,
+            Pixels::of_image((1, 1)),
+        );
         let mut renderer =
             setup.renderer(&sampling, Arc::default(), &Alone);
         let mut simple = Film::new(self.resolution.0, self.resolution.1);

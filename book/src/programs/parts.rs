@@ -7,13 +7,13 @@
 
 use std::fs;
 
-use litpt::film::{Film, FilmTile, Window};
+use litpt::film::{Film, FilmTile};
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
 use litpt::integrator::gather::training::{allocate, train};
 use litpt::integrator::gather::{Allocation, Correction, Sample};
 use litpt::options::Options;
-use litpt::render::choose::{Method, Sampling};
+use litpt::render::choose::{Method, Pixels, Sampling};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler};
 use litpt::sampler::split_mix;
@@ -159,13 +159,18 @@ struct Learnt {
 impl Stage {
     /// How a method samples, with a seed.
     fn sampling(&self, method: Method, seed: u64) -> Sampling {
-        Sampling::new(method, seed, Some(self.samples), self.resolution)
+        Sampling::new(
+            method,
+            seed,
+            Some(self.samples),
+            Pixels::of_image(self.resolution),
+        )
     }
 
     /// An empty film for that.
     fn film(&self, sampling: &Sampling) -> Film {
         let size = self.resolution;
-        sampling.film(size, Window { corner: (0, 0), size })
+        sampling.film(Film::new(size.0, size.1))
     }
 
     /// A renderer that has learnt nothing.
