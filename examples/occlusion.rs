@@ -1,5 +1,6 @@
 // Writes the vertices of an OBJ with their ambient occlusion, by 256 rays
-// each, as grey behind their coordinates:
+// each, as grey behind their coordinates; pt --vertices -r 0 --sky sphere
+// gives the same with errors:
 // cargo run --release --example occlusion -- FILE.obj > grey.obj
 //
 // Copyright (C) 2026 litpt contributors
@@ -12,7 +13,7 @@ use std::time::Instant;
 use litpt::bvh::{Bvh, Intersector};
 use litpt::sampler::sobol::SobolSampler;
 use litpt::sampler::{Sampler, cosine_direction};
-use litpt::scene::{Ray, Scene, read_obj};
+use litpt::scene::{Mesh, Ray, Scene, read_obj};
 use litpt::sensor::Receivers;
 use rayon::prelude::*;
 
@@ -22,7 +23,24 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path =
         std::env::args().nth(1).ok_or("usage: occlusion FILE.obj")?;
     let mesh = read_obj(&std::fs::read(path)?)?;
-    let scene = Scene::new(&mesh);
+    let grey = openness(&mesh)?;
+    let mut out = BufWriter::new(stdout().lock());
+    for (p, g) in mesh.vertices.iter().zip(grey) {
+        writeln!(out, "v {} {} {} {g} {g} {g}", p.x, p.y, p.z)?;
+    }
+    for [a, b, c] in mesh.triangles.iter().map(|c| c.map(|i| i + 1)) {
+        writeln!(out, "f {a} {b} {c}")?;
+    }
+    Ok(())
+}
+
+/// The part of the hemisphere around the normal of each vertex that is open,
+/// weighted by the cosine; 0 of a vertex without a normal.
+///
+/// # Errors
+/// The mesh has too many triangles for a hierarchy.
+pub fn openness(mesh: &Mesh) -> Result<Vec<f64>, Box<dyn Error>> {
+    let scene = Scene::new(mesh);
     let bvh = Bvh::new(&scene)?;
     let vertices = Receivers::vertices(&scene.triangles);
     let began = Instant::now();
@@ -44,12 +62,5 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (&number, open) in vertices.numbers.iter().zip(open) {
         grey[number as usize] = open;
     }
-    let mut out = BufWriter::new(stdout().lock());
-    for (p, g) in mesh.vertices.iter().zip(grey) {
-        writeln!(out, "v {} {} {} {g} {g} {g}", p.x, p.y, p.z)?;
-    }
-    for [a, b, c] in mesh.triangles.iter().map(|c| c.map(|i| i + 1)) {
-        writeln!(out, "f {a} {b} {c}")?;
-    }
-    Ok(())
+    Ok(grey)
 }

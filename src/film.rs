@@ -451,6 +451,13 @@ impl Film {
         empty.map(|(_, tile)| tile.area() as u64).sum()
     }
 
+    /// The number of pixels with a sample whose mean is below a radiance.
+    pub fn darker(&self, radiance: f64) -> u64 {
+        let is_dark =
+            |p: &&Accumulator| p.count() > 0 && p.mean() < radiance;
+        self.pixels.par_iter().filter(is_dark).count() as u64
+    }
+
     /// The same film, whose accumulators take one value for so many samples.
     /// It must be empty.
     pub fn with_replicates(self, samples: u64) -> Self {

@@ -33,15 +33,17 @@ fn is_like(one: &Hit, other: &Hit) -> bool {
         && one.normal.dot(to).powi(2) <= 0.09 * to.length_squared()
 }
 
+/// What the ray through the centre of a pixel meets.
+fn centre_hit(bvh: &Bvh, view: &LitView, x: u32, y: u32) -> Option<Hit> {
+    let (columns, rows) = view.resolution;
+    let centre = |i, n| within(i, n, 1 << 31);
+    view.sensor.start(bvh, centre(x, columns), centre(y, rows)).2
+}
+
 impl FirstHits {
     /// Traces the rays of a window.
     pub fn trace(bvh: &Bvh, view: &LitView, window: Window) -> Self {
-        let look = |x, y| {
-            let (columns, rows) = view.resolution;
-            let centre = |i, n| within(i, n, 1 << 31);
-            let (x, y) = (centre(x, columns), centre(y, rows));
-            view.sensor.start(bvh, x, y).2
-        };
+        let look = |x, y| centre_hit(bvh, view, x, y);
         let (right, bottom) = window.end();
         let rows = (window.corner.1..bottom).into_par_iter();
         let row = |y| (window.corner.0..right).map(move |x| look(x, y));
@@ -74,20 +76,23 @@ impl FirstHits {
         let opacity = view.sky.behind.map(cover_all);
         Self { width, edges, hits, opacity }
     }
+}
 
-    /// Those of some values of the pixels where a surface of the scene is
-    /// seen, and not the ground below it.
-    pub fn of_surfaces<'a>(
-        &'a self,
-        values: impl Iterator<Item = f64> + 'a,
-    ) -> impl Iterator<Item = f64> + 'a {
-        let pairs = values.zip(&self.hits);
-        let is_shown = |hit: &Option<Hit>| {
+/// The means of at most about 2^14 pixels of a film, evenly spread, whose
+/// centres show a surface of the scene, and not the ground below it.
+pub fn surface_means(bvh: &Bvh, view: &LitView, film: &Film) -> Vec<f64> {
+    let ((left, top), (right, bottom)) =
+        (film.window.corner, film.window.end());
+    let step = (film.area() as f64 / 16384.).sqrt().ceil() as usize;
+    let rows = (top..bottom).into_par_iter().step_by(step);
+    let pixels = rows.flat_map_iter(|y| {
+        let shown = (left..right).step_by(step).filter(move |&x| {
+            let hit = centre_hit(bvh, view, x, y);
             hit.is_some_and(|hit| hit.primitive < GROUND)
-        };
-        let shown = pairs.filter(move |(_, hit)| is_shown(hit));
-        shown.map(|(value, _)| value)
-    }
+        });
+        shown.map(move |x| film.pixel(x, y).mean())
+    });
+    pixels.collect()
 }
 
 /// The pixels around one that lie `step` apart, up to `reach` steps away, in

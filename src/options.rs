@@ -167,8 +167,9 @@ pub struct Options {
     )]
     pub band: Option<Band>,
 
-    /// Sky: uniform, or overcast, three times as bright at the zenith as at the
-    /// horizon; both give 1 to a horizontal surface in the open
+    /// Sky: uniform; overcast, three times as bright at the zenith as at the
+    /// horizon; or sphere, uniform and below the horizon too, as for ambient
+    /// occlusion; each gives 1 to a horizontal surface in the open
     #[arg(
         long,
         value_name = "SKY",

@@ -4,16 +4,20 @@
 
 //! The files of a run, kept up to date while it goes on.
 
-use std::cell::LazyCell;
+use std::cell::{LazyCell, OnceCell};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
 
-use crate::compare::display::{Curve, Exposure, cut_out, tonemap};
+use crate::analysis::LitView;
+use crate::bvh::Bvh;
+use crate::compare::display::{AUTO_EXPOSURE, Curve, Exposure};
+use crate::compare::display::{auto_stops, cut_out};
+use crate::compare::display::{seeming_surfaces, tonemap};
 use crate::film::Film;
-use crate::filter::{Filtered, FirstHits};
+use crate::filter::{Filtered, FirstHits, surface_means};
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::Convergence;
@@ -62,7 +66,8 @@ pub struct RunOutput<'a> {
     /// What is known of the run, which goes into the files.
     pub known: Known,
     /// What the pixels show, if there is a camera.
-    hits: Option<LazyCell<FirstHits, &'a dyn Fn() -> FirstHits>>,
+    hits: OnceCell<FirstHits>,
+    scene: Option<(&'a Bvh, &'a LitView<'a>)>,
     /// By how much PNG files are brighter, if that is said.
     pub exposure: Option<Exposure>,
     /// The receivers, if there are any, and their table.
@@ -92,7 +97,7 @@ impl<'a> RunOutput<'a> {
         files: Vec<(Product, OutputTarget)>,
         (every, preview): (f64, bool),
         known: Known,
-        trace: Option<&'a dyn Fn() -> FirstHits>,
+        scene: Option<(&'a Bvh, &'a LitView<'a>)>,
     ) -> Self {
         let now = Instant::now();
         let every =
@@ -107,8 +112,8 @@ impl<'a> RunOutput<'a> {
             RunFile { product, target, due, seconds: 0. }
         };
         let files = files.into_iter().map(file).collect();
-        let hits = trace.map(LazyCell::new);
-        Self { files, every, known, hits, exposure: None, table: None }
+        let (hits, exposure, table) = (OnceCell::new(), None, None);
+        Self { files, every, known, hits, scene, exposure, table }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -123,6 +128,7 @@ impl<'a> RunOutput<'a> {
         now: Option<Instant>,
     ) -> Result<(), String> {
         let Self { files, every, known, hits, .. } = self;
+        let scene = self.scene;
         let (exposure, table) = (self.exposure, self.table);
         known.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
@@ -133,24 +139,30 @@ impl<'a> RunOutput<'a> {
         let shows =
             |file: &RunFile| file.product.is_picture() && is_due(file);
         let is_shown = known.run_key.filtered && files.iter().any(shows);
-        let guide = hits.as_ref().filter(|_| is_shown);
+        let trace = |(bvh, view)| FirstHits::trace(bvh, view, film.window);
+        let hits = || scene.map(|scene| hits.get_or_init(|| trace(scene)));
+        let guide = is_shown.then(hits).flatten();
         let filtered = guide.and_then(|hits| Filtered::of(film, hits));
         known.report.picture = filtered.as_ref().map(|f| f.error);
         let filtering = began.elapsed();
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
         // Choose the exposure of pictures
-        let has = |wanted| files.iter().any(|file| file.product == wanted);
-        let stops_of = |exposure: Exposure| match &*hits {
-            Some(hits) if exposure == Exposure::Auto => {
-                exposure.stops(hits.of_surfaces(film.means()))
-            }
-            _ => exposure.stops(film.means().filter(|mean| *mean < 1.)),
+        let has = |wanted| {
+            files.iter().any(|file| file.product == wanted && is_due(file))
         };
+        let auto = LazyCell::new(|| match scene {
+            Some((bvh, view)) => auto_stops(surface_means(bvh, view, film)),
+            None => {
+                let pixels = film.rows().map(|p| (p.mean(), p.variance()));
+                auto_stops(seeming_surfaces(pixels))
+            }
+        });
+        let stops_of = |exposure: Exposure| exposure.stops(|| *auto);
         let is_png = has(Product::Image(Format::Png));
         if is_png && film.unsampled() < film.area() {
-            known.report.exposure = exposure.map(&stops_of);
-            let dark = film.means().filter(|m| *m < 0.1).count() as u64;
-            let is_dark = dark >= film.area() - film.area() / 10;
+            known.report.exposure = exposure.map(stops_of);
+            let sampled = film.area() - film.unsampled();
+            let is_dark = film.darker(0.1) >= sampled - sampled / 10;
             known.report.is_dark = is_dark && exposure.is_none();
         }
         if has(Product::Report(Kind::Html)) {
@@ -159,18 +171,17 @@ impl<'a> RunOutput<'a> {
         }
         let stops = known.report.exposure.filter(|&stops| stops != 0.);
         let behind = known.run_key.subject.sky.behind;
-        let is_read = is_png || has(Product::Image(Format::Exr));
-        let opacity = match (behind, &*hits) {
-            (Some(_), Some(hits)) if is_read => hits.opacity.as_deref(),
-            _ => None,
-        };
+        let is_exr = has(Product::Image(Format::Exr));
+        let auto = is_exr.then(|| *auto);
+        let cut = behind.filter(|_| is_png || is_exr).and_then(|_| hits());
+        let opacity = cut.and_then(|hits| hits.opacity.as_deref());
         let known = &*known;
         let report = LazyCell::new(|| known.report.complete(film));
         let mut failures = vec![];
         for file in files.iter_mut().filter(|file| is_due(file)) {
             let began = Instant::now();
             // Write or rewrite one file
-            let image = || picture(known, film, (filtered, opacity));
+            let image = || picture(known, film, (filtered, opacity), auto);
             let shown =
                 || filtered.map_or_else(|| image().image(), Image::clone);
             let page = |kind: Kind| kind.render(&report, &shown);
@@ -257,6 +268,7 @@ fn picture<'f>(
     known: &'f Known,
     film: &'f Film,
     (filtered, opacity): (Option<&'f Image>, Option<&'f [f64]>),
+    auto: Option<f64>,
 ) -> Picture<'f> {
     let Known { run_key, report, .. } = known;
     let allocation = known.allocation();
@@ -275,6 +287,7 @@ fn picture<'f>(
     all.retain(|_, value| !value.is_null());
     all.extend(entries(run_key));
     all.extend(entries(&known));
+    all.extend(auto.map(|stops| (AUTO_EXPOSURE.to_owned(), json!(stops))));
     let errors = filtered.and_then(|image| image.errors.as_deref());
     let more = [
         (OPACITY, opacity),

@@ -27,7 +27,6 @@ use crate::camera::{Camera, View, Viewpoint, direction, typed};
 use crate::compare::disagreements;
 use crate::compare::display::Exposure;
 use crate::film::{Film, SIDE, tile_height};
-use crate::filter::FirstHits;
 use crate::image::{Format, Image};
 use crate::integrator::gather::cache::Grid;
 use crate::integrator::{Alone, Together};
@@ -225,10 +224,8 @@ fn run(
     let often = (options.every.unwrap_or(60.), options.preview);
     let known =
         Known { run_key: run_key.clone(), options: saved, report, learnt };
-    let trace = || FirstHits::trace(bvh, &view, run_key.windows()[1]);
-    let has_camera = matches!(&world.sensor, Sensor::Camera(..));
-    let trace = has_camera.then_some(&trace as &dyn Fn() -> FirstHits);
-    let mut output = RunOutput::new(files, often, known, trace);
+    let shown = run_key.subject.sensed.camera().map(|_| (bvh, &view));
+    let mut output = RunOutput::new(files, often, known, shown);
     output.table = match (&world.table, &world.sensor) {
         (Some(table), Sensor::Receivers(all)) => Some((table, all)),
         _ => None,
@@ -1038,8 +1035,8 @@ fn render(
         progress::error(&message);
         return Ok(stop);
     }
-    let is_dark = film.means().all(|mean| mean == 0.);
-    if is_dark && output.known.run_key.subject.sensed.is_list() {
+    let is_list = output.known.run_key.subject.sensed.is_list();
+    if is_list && film.means().all(|mean| mean == 0.) {
         progress::warn("no light arrives: does a face close each opening?");
     }
     output.write(&convergence, &film, None)?;

@@ -1,7 +1,8 @@
 // Tangled from chapters/sky.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The only light: a half space of directions, uniform or overcast.
+//! The only light: a half space of directions, uniform or overcast, or all
+//! directions.
 
 use std::f64::consts::PI;
 
@@ -18,14 +19,16 @@ use crate::numerics::normalise;
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Cover {
-    /// The same in all directions.
+    /// The same in all directions above the horizon.
     Uniform,
     /// In proportion to 1 + 2 sin γ at the altitude γ (Moon and Spencer
     /// 1942; ISO 15469, type 16).
     Overcast,
+    /// The same in all directions, also below the horizon.
+    Sphere,
 }
 
-/// The sky: light from all directions above the horizon.
+/// The sky: light from all directions above the horizon, or from all.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sky {
     /// Unit vector that points to the zenith.
@@ -59,6 +62,7 @@ impl Sky {
     pub fn radiance(&self, direction: DVec3) -> f64 {
         let height = self.zenith.dot(direction);
         match self.cover {
+            Cover::Sphere => 1.,
             _ if height <= 0. => 0.,
             Cover::Uniform => 1.,
             Cover::Overcast => 3. / 7. * (1. + 2. * height),
@@ -73,7 +77,7 @@ impl Sky {
 
     /// Whether all directions above the horizon have the radiance 1.
     pub fn is_uniform(&self) -> bool {
-        self.cover == Cover::Uniform
+        self.cover != Cover::Overcast
     }
 
     /// What a surface with this unit normal gets if nothing is in the way,
@@ -82,6 +86,7 @@ impl Sky {
         let cosine = self.zenith.dot(normal).clamp(-1., 1.);
         let uniform = 0.5 + 0.5 * cosine;
         match self.cover {
+            Cover::Sphere => 1.,
             Cover::Uniform => uniform,
             Cover::Overcast => {
                 let (sine, angle) =

@@ -22,8 +22,12 @@ use rand::RngExt;
 use serde_json::Value;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+#[allow(dead_code)]
+#[path = "../examples/occlusion.rs"]
+mod occlusion;
+
 /// Values of this file that are compared with what is known.
-const JUDGED: i32 = 600;
+const JUDGED: i32 = 800;
 
 /// Demands that a value, the mean of so many replicates, could be the right
 /// one: of all in this file, one percent of seeds would fail (Šidák).
@@ -319,6 +323,56 @@ fn receivers_have_tables_and_no_images() {
     let text = place.get("b.ply");
     let text = String::from_utf8_lossy(&text);
     assert!(text.contains("element face 12\n"));
+}
+
+// A sky on all sides: what is open of the hemisphere of a receiver, and 1
+// among white surfaces, whichever way it looks.
+#[test]
+fn under_a_whole_sphere_a_vertex_has_what_its_occlusion_leaves() {
+    let place = Scratch::new();
+    let value = |row: &str, columns: usize| -> [f64; 2] {
+        let row = row.split(',').skip(columns).take(2);
+        row.map(|word| word.parse().unwrap()).collect::<Vec<_>>()[..]
+            .try_into()
+            .unwrap()
+    };
+    let rows = |options: &str| {
+        let run = place.free(&format!("{options} --sky sphere -o -"));
+        run.succeeded();
+        run.text().lines().skip(1).map(str::to_owned).collect::<Vec<_>>()
+    };
+    // The corners of a box see all of their hemispheres, also those below.
+    place.put("box.obj", BOX);
+    let corners = rows("box.obj --vertices -r0 -n16");
+    assert_eq!(corners.len(), 8);
+    assert!(corners.iter().all(|row| value(row, 4) == [1., 0.]));
+    // Of two planes at a right angle, the edge sees 45 degrees on each side
+    // of its normal: the sine of that, but for the ends at a thousandth.
+    let valley = "v 0 -1e3 0\nv 0 0 0\nv 0 1e3 0\nv 1e3 -1e3 0\n\
+        v 1e3 1e3 0\nv 0 -1e3 1e3\nv 0 1e3 1e3\n\
+        f 2 1 4\nf 2 4 5\nf 2 5 3\nf 2 6 1\nf 2 7 6\nf 2 3 7\n";
+    place.put("valley.obj", valley);
+    let edge = value(&rows("valley.obj --vertices -r0 -n4096")[1], 4);
+    judge([edge[0], edge[1].hypot(1e-3)], 0.5f64.sqrt(), 16.);
+    // White surfaces: light of radiance 1 goes everywhere, with every method.
+    place.put("p.txt", "0 1 0 0 0 1\n0 1 0 1 2 -3\n0 3 -0.5 0 0 -1\n");
+    for method in ["reference", "sobol", "gather"] {
+        let method = format!("--integrator={method}");
+        for row in rows(&format!("room.obj --points p.txt -n64 {method}")) {
+            judge(value(&row, 6), 1., 16.);
+        }
+    }
+    // The example traces the same rays by itself.
+    let mesh = cavity(0.3, 4);
+    place.put("cavity.obj", obj(&mesh));
+    let ours = rows("cavity.obj --vertices -r0 -n256");
+    let theirs = occlusion::openness(&mesh).unwrap();
+    for (row, theirs) in ours.iter().zip(theirs) {
+        let [value, error] = value(row, 4);
+        // Its 256 directions are a net, which errs less than chance would.
+        let theirs_error = (theirs * (1. - theirs) / 256.).sqrt();
+        judge([value, error.hypot(theirs_error)], theirs, 16.);
+    }
 }
 
 /// Whatever the width of a part of an image, its pixels are what they are in

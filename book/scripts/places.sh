@@ -56,7 +56,7 @@ awk -F, -v seconds="$seconds" 'NR > 1 { face = ($1 - 1) % 5
       if ($3 > most) most = $3 } }
   END { printf "street,%s,,%.2f,%.2f,%.2f,\n", seconds, most, least, roof }' \
   "$place/street.csv"
-seconds=$(median "$pt" "$statue" --vertices -r 0 -n 256 -qf \
+seconds=$(median "$pt" "$statue" --vertices -r 0 --sky sphere -n 256 -qf \
   -o "$place/statue.obj")
 rays=$(for _ in 1 2 3; do "$occlusion" "$statue" 2>&1 > /dev/null; done |
   sed 's/ s .*//' | sort -n | sed -n 2p)

@@ -127,7 +127,8 @@ impl KnownPixels {
             let light = corners.map(|corner| sky.radiance(corner));
             let is_dark = light.iter().all(|&radiance| radiance == 0.);
             let is_bright = light.iter().all(|&radiance| radiance > 0.);
-            if intersector.has_ground() && !is_bright {
+            let is_above = corners.iter().all(|&c| sky.zenith.dot(c) > 0.);
+            if intersector.has_ground() && !is_above {
                 return TileContent::Scene;
             }
             if let Some(grey) = sky.behind {

@@ -12,7 +12,9 @@ use std::sync::Arc;
 use clap::{Args, Parser, Subcommand};
 use serde_json::{Value, json};
 
-use litpt::compare::display::{self, Curve, Exposure};
+use litpt::compare::display::{
+    self, AUTO_EXPOSURE, Curve, Exposure, auto_stops, seeming_surfaces,
+};
 use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
@@ -405,13 +407,16 @@ fn looked_at(path: &Path, no_filter: bool) -> Result<Image, String> {
     Ok(display::picture(image))
 }
 
-/// The stops for an image of pt, of which what has no error is sky.
+/// The stops for an image: those that its run has found, or what its pixels
+/// tell.
 fn stops(exposure: Exposure, image: &Image) -> f64 {
+    let found = image.attributes.get(AUTO_EXPOSURE);
+    let found = found.and_then(|text| text.parse().ok());
     let error = |i: usize| image.errors.as_ref().map_or(1., |all| all[i]);
-    let is_surface = |&(i, mean): &(usize, f64)| error(i) > 0. && mean < 1.;
-    let all = image.means.iter().copied().enumerate();
-    let surfaces = all.filter(is_surface).map(|(_, mean)| mean);
-    let stops = exposure.stops(surfaces);
+    let pixels = image.means.iter().enumerate();
+    let pixels = pixels.map(|(i, &mean)| (mean, error(i)));
+    let tell = || auto_stops(seeming_surfaces(pixels));
+    let stops = exposure.stops(|| found.unwrap_or_else(tell));
     if exposure == Exposure::Auto {
         progress::inform(&format!("exposure {stops:+} stops"));
     }

@@ -90,18 +90,34 @@ impl Exposure {
         }
     }
 
-    /// The stops for an image, given the radiances of its surfaces.
-    pub fn stops(self, surfaces: impl Iterator<Item = f64>) -> f64 {
-        if let Self::Stops(stops) = self {
-            return stops;
-        }
-        let known = surfaces.filter(|radiance| radiance.is_finite());
-        let mut all: Vec<f64> = known.collect();
-        all.sort_unstable_by(f64::total_cmp);
-        let high = all.get(99 * all.len() / 100).copied().unwrap_or(0.);
-        let stops = (10. * libm::log2(0.8 / high)).round() / 10.;
-        if high > 0. { stops } else { 0. }
+    /// The stops of a picture, given those that suit its pixels.
+    pub fn stops(self, auto: impl FnOnce() -> f64) -> f64 {
+        if let Self::Stops(stops) = self { stops } else { auto() }
     }
+}
+
+/// The attribute of an image that holds the stops which suit its pixels.
+pub const AUTO_EXPOSURE: &str = "auto_exposure";
+
+/// The stops that suit a picture, given the radiances of its surfaces.
+pub fn auto_stops(mut surfaces: Vec<f64>) -> f64 {
+    surfaces.retain(|radiance| radiance.is_finite());
+    let n = 99 * surfaces.len() / 100;
+    if surfaces.is_empty() {
+        return 0.;
+    }
+    let (_, high, _) = surfaces.select_nth_unstable_by(n, f64::total_cmp);
+    let stops = (10. * libm::log2(0.8 / *high)).round() / 10.;
+    if *high > 0. { stops } else { 0. }
+}
+
+/// The means of the pixels that seem to show a surface, given the mean and
+/// the spread of each: of a uniform sky all samples are 1.
+pub fn seeming_surfaces(
+    pixels: impl Iterator<Item = (f64, f64)>,
+) -> Vec<f64> {
+    let seems = |&(mean, spread): &(f64, f64)| spread > 0. && mean < 1.;
+    pixels.filter(seems).map(|(mean, _)| mean).collect()
 }
 
 /// The standard errors, or their ratio to the means, as grey levels,

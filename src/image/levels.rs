@@ -133,7 +133,14 @@ pub fn write_levels<B: IntoIterator<Item = u8>>(
         let pixels = (0..width).flat_map(|x| {
             shown.iter().map(move |list| known(x, list[x as usize]))
         });
-        pixels.flat_map(|value| encode(level(value, white))).collect()
+        let mut last = (0., 0);
+        let levels = pixels.map(|value| {
+            if value != last.0 {
+                last = (value, level(value, white));
+            }
+            last.1
+        });
+        levels.flat_map(&encode).collect()
     };
     write_rows(image, &Vec::from_iter(0..height), all, row, out)
 }

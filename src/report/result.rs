@@ -83,8 +83,7 @@ impl Report {
         let limits = Limits { measure: self.measure, ..Limits::default() };
         now.convergence.record(film, &limits);
         now.unsampled_pixels = film.unsampled();
-        let negative = film.means().filter(|&mean| mean < 0.);
-        now.negative_pixels = negative.count() as u64;
+        now.negative_pixels = film.darker(0.);
         now
     }
 

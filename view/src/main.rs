@@ -21,9 +21,9 @@ use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{GROUND, Hit};
 use litpt::camera::{View, typed};
-use litpt::compare::display::Exposure;
+use litpt::compare::display::auto_stops;
 use litpt::film::{Film, WORTH, Watch};
-use litpt::filter::{Filtered, FirstHits};
+use litpt::filter::{Filtered, FirstHits, surface_means};
 use litpt::integrator::gather::Learnt;
 use litpt::integrator::gather::cache::RadianceCache;
 use litpt::integrator::{Alone, Integrator, PathEvent, PathState};
@@ -515,7 +515,9 @@ impl Viewer {
         if film.unsampled() == 0 {
             guess.mean = film.summary().mean;
             let hits = FirstHits::trace(&world.bvh, &view, film.window);
-            let about = json!({ "spp": spp, "moves": true });
+            let stops = auto_stops(surface_means(&world.bvh, &view, &film));
+            let about =
+                json!({ "spp": spp, "moves": true, "stops": stops });
             self.send_image(&film, &hits, about);
             let samples = (film.area() * spp) as f64;
             guess.pace = began.elapsed().as_secs_f64() / samples;
@@ -575,6 +577,7 @@ impl Viewer {
                 let about = json!({
                     "spp": run.spp, "curve": curve, "method": method,
                     "done": is_last,
+                    "stops": auto_stops(surface_means(bvh, view, film)),
                 });
                 self.send_image(film, &hits, about);
                 due = Instant::now() + 4 * began.elapsed();
@@ -598,9 +601,7 @@ impl Viewer {
         let means: Vec<f64> = film.means().collect();
         let mut numbers =
             filtered.map_or_else(|| means.clone(), |it| it.image.means);
-        let stops = Exposure::Auto.stops(hits.of_surfaces(film.means()));
         let (width, height) = film.window.size;
-        about["stops"] = stops.into();
         about["size"] = json!([width, height]);
         if about["moves"].is_null() {
             numbers.extend(means);
