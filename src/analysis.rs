@@ -102,12 +102,13 @@ const NO_CAMERA: &str = "there is no camera";
 fn of_the_scene([flat, copies]: &[Vec<u32>; 2]) -> Vec<Finding> {
     let words = [
         ("flat", flat, "without area"),
-        ("copies", copies, "that have the corners of another"),
+        ("copies", copies, "with the corners of another"),
     ];
     let finding = |(fact, faces, which): (&str, &Vec<u32>, &str)| {
         let first = faces.first().map(|face| face + 1);
         let first = first.map(|n| format!(", the first in face {n}"));
-        let why = format!("{} triangles {which}", faces.len());
+        let s = if faces.len() == 1 { "" } else { "s" };
+        let why = format!("{} triangle{s} {which}", faces.len());
         let why = why + &first.unwrap_or_default();
         Finding { fact: fact.to_owned(), holds: !faces.is_empty(), why }
     };

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-use clap::builder::StyledStr;
+use clap::builder::{ArgPredicate, StyledStr};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id, Parser, ValueEnum};
 use glam::DVec3;
@@ -155,16 +155,12 @@ pub struct Options {
 
     /// Give each face the luminance of the diffuse reflectivity (Kd, linear) of
     /// its material
-    #[arg(long)]
+    #[arg(long, default_value_if("band", ArgPredicate::IsPresent, "true"))]
     pub materials: bool,
 
-    /// Take one of the three numbers of a material instead, r, g or b
-    #[arg(
-        long,
-        value_name = "BAND",
-        requires = "materials",
-        hide_possible_values = true
-    )]
+    /// Take one of the three numbers of each material, r, g or b, instead of the
+    /// luminance; implies --materials
+    #[arg(long, value_name = "BAND", hide_possible_values = true)]
     pub band: Option<Band>,
 
     /// Sky: uniform; overcast, three times as bright at the zenith as at the
@@ -193,9 +189,10 @@ pub struct Options {
     /// The scene, as FILE alone
     #[arg(short, long, value_name = "FILE", overrides_with = "scene")]
     pub input: Option<PathBuf>,
-    /// Image to write, .pgm, .png, .pfm or .exr, or the state of the run,
-    /// .litpt, as --checkpoint does; may be repeated [default: -, standard
-    /// output, or on a terminal a PNG beside the scene]
+    /// Image to write, .pgm, .png, .pfm or .exr; values of receivers, .csv, .ply
+    /// or, of vertices, .obj; or the state of the run, .litpt, as --checkpoint
+    /// does; may be repeated [default: -, standard output, or on a terminal a
+    /// PNG beside the scene]
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
 
@@ -218,7 +215,7 @@ pub struct Options {
     /// Show a grey of this radiance behind the scene and its ground instead of the
     /// sky, and give .png and .exr an opacity
     #[arg(long, value_name = "RADIANCE", conflicts_with = "receivers",
-          value_parser = only(parse_real, |&x| x >= 0., NOT_NEGATIVE))]
+          value_parser = only(parse_share, |&x| x >= 0., NOT_NEGATIVE))]
     pub background: Option<f64>,
 
     /// Show the noise of gathers and nets in .png and .html, and write no
@@ -349,6 +346,12 @@ pub enum ErrorOf {
 
 /// Parses an error to reach.
 fn parse_target(text: &str) -> Result<Target, String> {
+    if ["rms", "max"].contains(&text) {
+        return Err(format!(
+            "expected a number; --error-of {text} is what \
+                            it limits"
+        ));
+    }
     let positive = only(parse_real, |&x| x > 0., POSITIVE);
     let part = text.strip_suffix('%');
     let unit = if part.is_some() { 0.01 } else { 1. };
@@ -356,9 +359,17 @@ fn parse_target(text: &str) -> Result<Target, String> {
     Ok(Target { error, is_relative: part.is_some() })
 }
 
-/// Parses an albedo.
+/// Parses an albedo, which may be a percentage.
 fn parse_albedo(text: &str) -> Result<f64, String> {
-    only(parse_real, |x| (0. ..=1.).contains(x), ALBEDO)(text)
+    only(parse_share, |x| (0. ..=1.).contains(x), ALBEDO)(text)
+}
+
+/// Parses a part of a whole: a number, or a percentage.
+fn parse_share(text: &str) -> Result<f64, String> {
+    match text.strip_suffix('%') {
+        Some(percent) => Ok(parse_real(percent)? / 100.),
+        None => parse_real(text),
+    }
 }
 
 /// Parses an albedo behind the name that has it, which may be empty.
@@ -381,7 +392,7 @@ fn parse_direction(text: &str) -> Result<DVec3, String> {
 }
 
 fn parse_vector(text: &str) -> Result<DVec3, String> {
-    let parts = text.split(',').map(parse_real);
+    let parts = text.split(',').map(|part| parse_real(part.trim()));
     match parts.collect::<Result<Vec<_>, _>>()?[..] {
         [x, y, z] => Ok(DVec3::new(x, y, z)),
         _ => Err("expected three reals around two commas".to_owned()),
@@ -425,7 +436,7 @@ fn pair<N: FromStr>(text: &str, sign: &str) -> Option<(N, N)> {
 fn parse_range(text: &str) -> Result<(u64, u64), &'static str> {
     pair(text, "..").filter(|(from, to)| from <= to).ok_or(
         "expected two numbers with two dots between, the smaller first, \
-         as in 16..32",
+         as in 16..32; -n is the number of samples",
     )
 }
 
@@ -487,6 +498,9 @@ fn one_line(error: &clap::Error) -> String {
     let fault = parts.next().unwrap_or_default();
     let tip = parts.find(|part| part.contains(" a similar "));
     let word = fault.split('\'').nth(1).unwrap_or_default();
+    let initial = |word: &str| word.trim_start_matches('-').chars().next();
+    let meant = |tip: &&str| tip.split('\'').nth(1).and_then(initial);
+    let tip = tip.filter(|tip| meant(tip) == initial(word));
     let is_number =
         word.parse::<f64>().is_ok() && fault.contains("unexpected");
     let tip = tip.or(is_number.then_some("a vector is one word: 1,2,3"));
@@ -649,7 +663,16 @@ impl Options {
             "--tiles {k}/{n}: the image has {rows} rows of tiles, and not \
              more bands"
         );
-        let fault = if self.every.is_some() && checkpoint.is_none() {
+        let scene = self.scene.as_ref().filter(|path| !path.exists());
+        let side = scene.filter(|path| {
+            let sides = ["front", "back", "both"].map(Path::new);
+            self.faces.is_some() && sides.contains(&&***path)
+        });
+        let side = side
+            .map(|side| format!("--faces={} is one word", side.display()));
+        let fault = if let Some(side) = &side {
+            side
+        } else if self.every.is_some() && checkpoint.is_none() {
             "--every needs --checkpoint"
         } else if checkpoint.is_some_and(is_dash) {
             "--checkpoint needs a file"
@@ -717,6 +740,12 @@ impl Options {
     /// The name of the input, for people.
     pub fn input_name(&self) -> String {
         input_name(self.scene_file().unwrap_or(Path::new("-")))
+    }
+
+    /// Whether it is said which axis looks up.
+    pub fn says_up(&self) -> bool {
+        let is_up = |id: &String| ["up", "zenith"].contains(&&id[..]);
+        self.given.iter().any(is_up)
     }
 
     /// Whether the position of the camera or its target is known.

@@ -162,6 +162,11 @@ fn run(
     let began = Instant::now();
     let scene = options.scene_file().unwrap_or(Path::new("-"));
     let mut bytes = read(scene, true)?;
+    if bytes.is_empty() && options.scene_file().is_none() {
+        let fault =
+            "no scene on standard input: name one, as in pt scene.obj";
+        return Err(fault.to_owned().into());
+    }
     ranks.tell(&mut bytes);
     let points = options.points.as_deref();
     let mut points = points.map_or(Ok(vec![]), |path| read(path, false))?;
@@ -495,6 +500,10 @@ fn prepare(
     report.light += &subject.ground.map_or(String::new(), |albedo| {
         format!(", above a ground of albedo {albedo}")
     });
+    if let Some(up) = unsaid_up(options, &mesh).filter(|&up| up != zenith) {
+        let up = direction(up);
+        report.light += &format!("; but {up} looks up: -u {up}");
+    }
     // Refuse a reference of something else
     if let (Some(image), Some(path)) = (reference, &options.reference) {
         let mut ours = attributes(&entries(&subject));
@@ -589,11 +598,16 @@ fn albedos_by_name(
     } else if ignored > 0 && named.named_albedos.is_empty() {
         let albedo = options.albedo();
         progress::warn(&format!(
-            "{file}: {ignored} materials are ignored: every surface has the \
-             albedo {albedo} (--materials)"
+            "{file}: its materials are ignored, {ignored} of them: every surface \
+             has the albedo {albedo} (--materials)"
         ));
     }
     Ok(named)
+}
+
+/// The axis that looks up in a mesh, if no option says which.
+fn unsaid_up(options: &Options, mesh: &Mesh) -> Option<DVec3> {
+    if options.says_up() { None } else { mesh.up() }
 }
 
 /// What is sensed of a mesh, by receivers or by a camera.
@@ -709,6 +723,7 @@ impl World {
         let mut options = options.clone();
         (options.error, options.samples) = (None, Some(64));
         let mesh = parse(&options, &read(scene, true)?)?;
+        options.up = unsaid_up(&options, &mesh).unwrap_or(options.up);
         let named = (mesh.clone(), String::new());
         let loaded = prepare(&options, named, &[], None, &Alone)?;
         Ok((mesh, build(loaded, &options, &Alone)?))
@@ -726,7 +741,9 @@ impl World {
     ) -> Result<(), String> {
         let named_albedos = options.named_albedos();
         let named = Named { named_albedos, ..self.subject.named.clone() };
-        let new = subject(options, mesh, named, None);
+        let mut options = options.clone();
+        options.up = unsaid_up(&options, mesh).unwrap_or(options.up);
+        let new = subject(&options, mesh, named, None);
         let sensor = camera(&new.sensed, &self.frame)?;
         let old = &self.subject;
         if (old.albedo, &old.named) != (new.albedo, &new.named) {
@@ -842,6 +859,9 @@ fn build(
     let report = &mut world.report;
     report.settings = entries(&world.subject);
     report.left_out = analysis.left_out().cloned().collect();
+    let (known, all) = analysis.known.count();
+    let why = report.left_out.last().filter(|_| 0 < all && known == all);
+    why.iter().for_each(|found| progress::warn(&found.why));
     let quality = quality.to_string();
     report.settings.insert("hierarchy".into(), quality.into());
     report.build_seconds = began.elapsed().as_secs_f64();

@@ -250,8 +250,8 @@ fn an_explanation_says_what_is_left_out_and_why() {
     place.put("box.obj", format!("{BOX}f 1 2 3\nf 1 1 2\n"));
     let unseen = "no triangle can be seen";
     for (name, more, sign, why) in [
-        ("flat", "", "left out", "1 triangles without area"),
-        ("copies", "", "left out", "1 triangles that have the corners"),
+        ("flat", "", "left out", "1 triangle without area"),
+        ("copies", "", "left out", "1 triangle with the corners"),
         ("dark", "", "left out", "closed around the camera"),
         ("dark", "-p0,-6,1", "-", "no closed surface"),
         ("background", "-p0,-6,1 -t0,-9,9", "left out", unseen),

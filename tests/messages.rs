@@ -239,3 +239,115 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     let help = run("; echo status $?").unwrap();
     assert!(help.contains("Usage:") && help.contains("status 2"), "{help}");
 }
+
+/// A value or a file at the wrong place: the message says which is right.
+#[test]
+fn what_is_likely_meant_is_named() {
+    let place = Scratch::new();
+    place.put("a.ply", "ply\nformat ascii 1.0\n");
+    place.put("a.stl", "solid cube\n facet normal 0 0 1\n");
+    let mut binary = vec![b'x'; 84 + 2 * 50];
+    binary[80..84].copy_from_slice(&2u32.to_le_bytes());
+    place.put("b.stl", binary);
+    place.put("a.gltf", "{ \"asset\": {} }");
+    place.put("a.dae", "<?xml version=\"1.0\"?>\n<COLLADA/>\n");
+    place.put("a.txt", "Dear all,\nplease find attached\n");
+    for (words, status, message) in [
+        ("room.obj --error max", 2, "--error-of max is what it limits"),
+        ("room.obj --error rms", 2, "--error-of rms is what it limits"),
+        ("room.obj --samples 64", 2, "-n is the number of samples"),
+        ("--faces both", 2, "--faces=both is one word"),
+        ("--faces front -r0", 2, "--faces=front is one word"),
+        ("a.ply", 1, "a.ply: the format is PLY, not Wavefront OBJ"),
+        ("a.stl", 1, "a.stl: the format is STL"),
+        ("b.stl", 1, "b.stl: the format is STL"),
+        ("a.gltf", 1, "a.gltf: the format is glTF"),
+        ("a.dae", 1, "a.dae: the format is COLLADA or other XML"),
+        ("a.txt", 1, "is it a Wavefront OBJ?"),
+        ("-d8x6", 1, "no scene on standard input: name one"),
+    ] {
+        place.free(words).failed(status, &[message]);
+    }
+    // A word that is like no option suggests none.
+    for (word, meant) in [("--camera", ""), ("--albdo", "'--albedo'")] {
+        let run = place.free(&format!("room.obj {word} 1"));
+        run.failed(2, &[word, meant]);
+        let tells = run.stderr.contains("similar");
+        assert_eq!(tells, !meant.is_empty(), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn numbers_are_taken_as_people_write_them() {
+    let place = Scratch::new();
+    let image = |words: &[&str]| {
+        let common = ["-iroom.obj", "-d8x6", "-n2", "--format=pfm"];
+        let run = place.run(&[&common, words].concat());
+        run.succeeded();
+        run.stdout
+    };
+    let plain = image(&["-t1,2,3", "-r0.7", "--ground=0.2"]);
+    assert_eq!(image(&["-t", "1, 2, 3", "-r70%", "--ground=20%"]), plain);
+    place.put("m.mtl", "newmtl a\nKd 0.2 0.4 0.6\n");
+    let scene = format!("mtllib m.mtl\nusemtl a\n{}", common::ROOM);
+    place.put("m.obj", scene);
+    let band = image(&["-im.obj", "--band=r"]);
+    assert_eq!(image(&["-im.obj", "--materials", "--band=r"]), band);
+}
+
+#[test]
+fn an_image_of_nothing_is_warned_of() {
+    let place = Scratch::new();
+    let run =
+        place.done("-isquare.obj -p0,0,9 -t0,0,99 -u0,1,0 -n2 -oa.exr");
+    let why =
+        "warning: no triangle can be seen: all of the image is the sky";
+    assert!(run.stderr.contains(why), "{}", run.stderr);
+    let run = place.done("-iroom.obj -n2 -fob.exr");
+    assert!(!run.stderr.contains("warning"), "{}", run.stderr);
+}
+
+/// Where faces look up that nothing closes from below, the axis is plain.
+#[test]
+fn an_axis_that_looks_up_is_told_where_nothing_else_says_it() {
+    let place = Scratch::new();
+    // A floor with a table on it, without undersides; and five walls of a
+    // box, which may lie on its side.
+    let turned = |text: &str, by: usize| {
+        let turn = |line: &str| {
+            let words: Vec<&str> = line.split(' ').collect();
+            match words[..] {
+                ["v", x, y, z] => {
+                    let mut p = [x, y, z];
+                    p.rotate_left(by);
+                    format!("v {}\n", p.join(" "))
+                }
+                _ => format!("{line}\n"),
+            }
+        };
+        text.lines().map(turn).collect::<String>()
+    };
+    let floor = "v 0 0 0\nv 9 0 0\nv 9 9 0\nv 0 9 0\nf 1 2 3 4\n\
+        v 3 3 1\nv 6 3 1\nv 6 6 1\nv 3 6 1\nf 5 6 7 8\n";
+    let walls = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\n\
+        v 1 1 1\nv 0 1 1\nf 1 2 3 4\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\n\
+        f 4 8 5 1\n";
+    for (text, by, options, up) in [
+        (floor, 0, "", None),
+        (floor, 1, "", Some("y")),
+        (floor, 2, "", Some("x")),
+        (floor, 1, "-u 0,0,1", None),
+        (floor, 1, "--zenith z", None),
+        (floor, 1, "-u y", None),
+        (walls, 1, "", None),
+        (common::BOX, 1, "", None),
+    ] {
+        place.put("a.obj", turned(text, by));
+        let run =
+            place.free(&format!("a.obj -n1 -d8x6 -foa.png {options}"));
+        run.succeeded();
+        let said = up.map(|up| format!("; but {up} looks up: -u {up}\n"));
+        assert_eq!(run.stderr.contains("looks up"), said.is_some());
+        assert!(run.stderr.contains(&said.unwrap_or_default()));
+    }
+}

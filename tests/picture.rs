@@ -7,7 +7,7 @@
 use crate::common;
 
 use crate::ptimg::pixels;
-use common::Scratch;
+use common::{Run, Scratch};
 use glam::DVec3;
 use litpt::film::{Film, FilmTile, Window, add_value};
 use litpt::filter::{Filtered, FirstHits};
@@ -254,4 +254,31 @@ fn a_merge_says_that_its_picture_is_not_filtered() {
         place.done(&line);
     }
     assert!(merge("-oc.png").contains("the picture has no opacity"));
+}
+
+/// A picture of a run, and one of its EXR, are equally bright.
+#[test]
+fn automatic_exposure_has_one_definition() {
+    let place = Scratch::new();
+    let stops = |run: Run| {
+        run.succeeded();
+        let text = run.stderr;
+        let line = text.lines().find(|line| line.contains("exposure"));
+        let words = line.expect(&text).split_whitespace();
+        let number = words.map(str::parse::<f64>).find_map(Result::ok);
+        number.expect(&text)
+    };
+    for options in [
+        "-n2",
+        "-n2 --ground 0.9",
+        "-n16 --sky overcast --ground 0.5 --integrator=sobol",
+        "-n16 --sky overcast -r0.2 --integrator=gather",
+        "-n1 --crop 3,2,20x9",
+    ] {
+        let scene = format!("-iroom.obj -d40x30 -F120 {options} -f");
+        place.done(&format!("{scene} -o a.exr"));
+        let ours = place.done(&format!("{scene} -o a.png --exposure auto"));
+        let theirs = place.ptimg("tonemap a.exr -o b.png -f -e auto");
+        assert_eq!(stops(ours), stops(theirs), "{options}");
+    }
 }

@@ -539,7 +539,7 @@ fn materials_are_not_ignored_without_a_word() {
     place.put("two.obj", format!("usemtl a\n{SPECK}usemtl b\nf 1 2 3\n"));
     let run = place.done("two.obj -r0.5 -n1 -oa.pfm");
     assert!(run.stderr.contains(
-        "two.obj: 2 materials are ignored: every surface has the albedo 0.5 \
+        "two.obj: its materials are ignored, 2 of them: every surface has the albedo 0.5 \
          (--materials)"
     ));
     for (mtl, line, fault) in [

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The command `ptimg`: show and compare images, and add states.
 
+use std::collections::BTreeSet;
 use std::env;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -236,8 +237,17 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                     "colours are written as .png or .exr".to_owned()
                 );
             }
-            let images = bands.iter().map(|path| read(path));
-            let images: Vec<_> = images.collect::<Result<_, _>>()?;
+            let mut told = BTreeSet::new();
+            let read = |path: &PathBuf| {
+                Image::read_noting(path, &mut |fault| {
+                    let name = path.display().to_string();
+                    if told.insert(fault.replace(&name, "")) {
+                        progress::warn(fault);
+                    }
+                })
+            };
+            let images: Vec<_> =
+                bands.iter().map(read).collect::<Result<_, _>>()?;
             for (i, (path, image)) in bands.iter().zip(&images).enumerate()
             {
                 // Compare a band with the first

@@ -138,9 +138,10 @@ impl Report {
             "{seconds:.3} s, {rays} rays, {speed}rays/s ({integrator})"
         );
         let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
+        let count = self.scene.triangles;
+        let s = if count == 1 { "" } else { "s" };
         let scene = format!(
-            "{} triangles, load {:.3} s, build {:.3} s ({})",
-            self.scene.triangles,
+            "{count} triangle{s}, load {:.3} s, build {:.3} s ({})",
             self.load_seconds,
             self.build_seconds,
             bvh.collect::<Vec<_>>().join(", ")

@@ -52,6 +52,31 @@ pub fn format(bytes: &[u8]) -> Option<&'static str> {
     })
 }
 
+/// The format of a model that is no Wavefront OBJ, by how it begins.
+pub fn foreign(bytes: &[u8]) -> Option<&'static str> {
+    let begins = [
+        ("PLY", "ply"),
+        ("STL", "solid "),
+        ("glTF", "glTF"),
+        ("glTF or other JSON", "{"),
+        ("COLLADA or other XML", "<"),
+        ("FBX", "Kaydara FBX"),
+        ("FBX", "; FBX"),
+        ("Blender", "BLENDER"),
+        ("USD", "#usda"),
+        ("USD", "PXR-USDC"),
+        ("VRML", "#VRML"),
+        ("OFF", "OFF"),
+    ];
+    let begun =
+        |(_, start): &&(_, &str)| bytes.starts_with(start.as_bytes());
+    let named = begins.iter().find(begun).map(|(name, _)| *name);
+    let count = bytes.get(80..).and_then(|rest| rest.first_chunk());
+    let faces = count.map_or(0, |count| u32::from_le_bytes(*count));
+    let is_stl = faces > 0 && bytes.len() == 84 + 50 * faces as usize;
+    named.or(is_stl.then_some("STL"))
+}
+
 /// Appends the next frame of zstd to a text, and steps over it.
 fn unzstd(rest: &mut &[u8], text: &mut Vec<u8>) -> io::Result<usize> {
     if let [0x50..=0x5f, 0x2a, 0x4d, 0x18, a, b, c, d, next @ ..] = *rest {

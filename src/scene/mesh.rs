@@ -6,6 +6,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::numerics::cross;
+
 /// An indexed triangle mesh in the coordinates of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -66,5 +68,38 @@ impl Mesh {
             |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| [a.min(c), b.max(d)];
         let corners = used.reduce_with(both).unwrap_or_default();
         corners.map(|corner| corner + DVec3::ZERO)
+    }
+
+    /// The axis that looks up, if the areas of the faces tell it plainly.
+    pub fn up(&self) -> Option<DVec3> {
+        let [low, high] = self.corners();
+        let (mut net, mut area) = (DVec3::ZERO, 0.);
+        let mut ends = [DVec3::ZERO; 2];
+        for corners in &self.triangles {
+            let [a, b, c] = corners.map(|i| self.vertices[i as usize]);
+            let normal = cross(b - a, c - a) / 2.;
+            (net, area) = (net + normal, area + normal.length());
+            // Add the triangle to the ends that it covers
+            let across = normal.abs();
+            let is_flat =
+                across.cmpgt(DVec3::splat(0.999 * normal.length()));
+            let at = ((a + b + c) / 3. - low) / (high - low);
+            let near = [
+                at.cmplt(DVec3::splat(0.02)),
+                at.cmpgt(DVec3::splat(0.98)),
+            ];
+            for (end, near) in ends.iter_mut().zip(near) {
+                *end += DVec3::select(is_flat & near, across, DVec3::ZERO);
+            }
+        }
+        let (size, main) = (high - low, net.max_position());
+        let beside = (0..3).filter(|&k| k != main);
+        let is_walled = beside.clone().all(|k| {
+            let end = size.element_product() / size[k];
+            ends.iter().all(|covered| covered[k] > 0.5 * end)
+        });
+        let is_plain = net[main] > 0.05 * area
+            && beside.clone().all(|k| net[k].abs() < 0.25 * net[main]);
+        (is_plain && !is_walled).then(|| DVec3::AXES[main])
     }
 }

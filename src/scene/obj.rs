@@ -58,6 +58,12 @@ pub fn read_pieces(
     if text.is_empty() {
         return Err(": the file is empty; an OBJ was expected".to_owned());
     }
+    if let Some(kind) = encoding::foreign(&text) {
+        return Err(format!(
+            ": the format is {kind}, not Wavefront OBJ: convert it, for \
+             example with Blender"
+        ));
+    }
     let text = &join(plain(&text)?);
     let pieces = cut(text, size);
     // Count what comes before each piece
@@ -98,7 +104,10 @@ pub fn read_pieces(
         mesh.triangles.append(&mut part.triangles);
     }
     if mesh.triangles.is_empty() {
-        return Err(": no face, hence nothing to render".to_owned());
+        return Err(
+            ": no face, hence nothing to render; is it a Wavefront OBJ?"
+                .to_owned(),
+        );
     }
     warnings.extend(set_aside(text, &mut mesh)?);
     // Fill the faces, and warn of odd ones
