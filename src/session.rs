@@ -164,7 +164,7 @@ fn run(
     let mut bytes = read(scene, true)?;
     if bytes.is_empty() && options.scene_file().is_none() {
         let fault =
-            "no scene on standard input: name one, as in pt scene.obj";
+            "standard input: empty; name a scene, as in pt scene.obj";
         return Err(fault.to_owned().into());
     }
     ranks.tell(&mut bytes);

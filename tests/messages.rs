@@ -264,7 +264,7 @@ fn what_is_likely_meant_is_named() {
         ("a.gltf", 1, "a.gltf: the format is glTF"),
         ("a.dae", 1, "a.dae: the format is COLLADA or other XML"),
         ("a.txt", 1, "is it a Wavefront OBJ?"),
-        ("-d8x6", 1, "no scene on standard input: name one"),
+        ("-d8x6", 1, "standard input: empty; name a scene"),
     ] {
         place.free(words).failed(status, &[message]);
     }
