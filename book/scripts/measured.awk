@@ -14,6 +14,7 @@ BEGIN {
   FS = ","
   rows["ablation"] = "scene shortcut"
   rows["bench"] = "scene threads"
+  rows["coverage"] = "scene method n"
   rows["efficiency"] = "scene albedo peer_samples"
   rows["gains"] = "scene albedo samples"
   rows["mixtures"] = "mixture number"

@@ -16,10 +16,9 @@ use litpt::render::Job;
 use litpt::render::choose::{Method, Pixels, Request, Sampling, Setup};
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
-use litpt_book::courtyard;
-use litpt_book::interiors::Interior;
 
 use super::Done;
+use super::bounces::stage;
 
 pub fn run(_: &[String]) -> Done {
     println!("scene,method,n,deviation,one,two,three,mean,by_pixels");
@@ -77,16 +76,16 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
         [("wide cavity", 0.5, 0.9), ("narrow cavity", 0.05, 0.5)]
     {
         let view = look([0., 0., 0.], [0.3, 0.2, -1.], DVec3::Y, 20.);
-        let setting = set(&cavity(f, 128), rho, DVec3::Z, &view)?;
+        let setting =
+            Setting::new(&cavity(f, 128), (rho, DVec3::Z), &view, 4. / 3.)?;
         cases.push(Case::known(name, setting, cavity_radiance(rho, f)));
     }
     // Add a floor that meets a wall
     let view = look([2., 0., 1.], [0., 0., 0.], DVec3::Z, 70.);
-    let setting = set(&corner(), 0.8, DVec3::Z, &view)?;
+    let setting = Setting::new(&corner(), (0.8, DVec3::Z), &view, 4. / 3.)?;
     cases.push(Case::known("floor and wall", setting, 2. / 3.));
     // Add the courtyard with a reference
-    let setting =
-        set(&courtyard::mesh(), 0.8, DVec3::Y, &courtyard::view())?;
+    let setting = stage("courtyard", 0.8)?;
     let film = image(&setting, Method::Reference, 99, 4096);
     cases.push(Case::measured("courtyard", setting, &film));
     Ok(cases)
@@ -94,16 +93,6 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
 
 fn look(from: [f64; 3], to: [f64; 3], up: DVec3, fov: f64) -> View {
     View { position: from.into(), target: to.into(), up, fov }
-}
-
-fn set(
-    mesh: &Mesh,
-    rho: f64,
-    up: DVec3,
-    view: &View,
-) -> Result<Setting, Box<dyn Error>> {
-    let aspect = f64::from(WIDTH) / f64::from(HEIGHT);
-    Setting::new(mesh, (rho, up), view, aspect)
 }
 
 /// A floor at z = 0 and a wall at x = 0.
@@ -157,8 +146,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
 }
 
 fn room() -> Result<Case, Box<dyn Error>> {
-    let room = Interior::named("backroom").ok_or("no such room")?;
-    let setting = set(&room.mesh(), 0.8, DVec3::Y, &room.view)?;
+    let setting = stage("backroom", 0.8)?;
     let film = image(&setting, Method::Gather, 99, 2048);
     Ok(Case::measured("back room", setting, &film))
 }

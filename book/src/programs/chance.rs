@@ -18,12 +18,11 @@ use glam::DVec3;
 use litpt::sampler::{cosine_direction, generator};
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::Setting;
-use litpt_book::interiors::Interior;
 use rand::RngExt;
 use rayon::prelude::*;
 
 use super::Done;
-use super::bounces::{RESOLUTION, courtyard, follow};
+use super::bounces::{RESOLUTION, RHO, follow, stage};
 
 /// Directions that are drawn.
 const DIRECTIONS: usize = 300;
@@ -40,11 +39,9 @@ pub fn run(arguments: &[String]) -> Done {
     let tables =
         Path::new(arguments.first().ok_or("usage: chance TABLES")?);
     fs::write(tables.join("lobe.csv"), lobe()?)?;
-    let room = Interior::named("backroom").ok_or("no such room")?;
-    let sky = (0.8, DVec3::Y);
-    let room = Setting::new(&room.mesh(), sky, &room.view, 4. / 3.)?;
-    let yard = Pixel::new("courtyard", &courtyard()?, [0.36, 0.86]);
-    let room = Pixel::new("backroom", &room, [0.36, 0.86]);
+    let pixel =
+        |name| stage(name, RHO).map(|s| Pixel::new(name, &s, [0.36, 0.86]));
+    let (yard, room) = (pixel("courtyard")?, pixel("backroom")?);
     fs::write(tables.join("spread.csv"), yard.histogram()?)?;
     fs::write(tables.join("covered.csv"), covered(&[yard, room])?)?;
     Ok(())

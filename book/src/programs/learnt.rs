@@ -22,18 +22,17 @@ use litpt::integrator::gather::guide::{BINS, Guide, bin};
 use litpt::integrator::gather::training::train;
 use litpt::integrator::gather::{Allocation, End, Tracer};
 use litpt::render::Renderer;
+use litpt::render::choose::{Method, Sampling};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
 use litpt::sampler::{generator, to_unit};
 use litpt_book::closed_forms::Setting;
-use litpt_book::courtyard;
-use litpt_book::interiors::Interior;
 use rand::RngExt;
 use rayon::prelude::*;
 
+use super::bounces::{RESOLUTION, RHO, stage};
 use super::{Done, draw};
 
-/// Pixels of the room, and the samples of each.
-const RESOLUTION: (u32, u32) = (128, 96);
+/// Samples of each pixel of the room.
 const SAMPLES: u64 = 64;
 
 /// Samples that are placed together.
@@ -41,9 +40,6 @@ const TOGETHER: u64 = 4;
 
 /// Rays that train the cache.
 const TRAINING: u64 = 1 << 20;
-
-/// Albedo of all surfaces.
-const RHO: f64 = 0.8;
 
 /// By which the radiance of the room is multiplied to be seen.
 const EXPOSURE: f64 = 12.;
@@ -71,6 +67,16 @@ pub fn run(arguments: &[String]) -> Done {
     let (figures, tables) = (Path::new(figures), Path::new(tables));
     let mut numbers = learn(figures)?;
     render(figures, &mut numbers)?;
+    for (n, size) in [(4, (160, 120)), (64, (320, 240))] {
+        let gather = Sampling::new(Method::Gather, 0, Some(n), size);
+        let row = format!("{n} of {}", size.0);
+        number(
+            &mut numbers,
+            &row,
+            "training",
+            &gather.training.to_string(),
+        )?;
+    }
     Ok(fs::write(tables.join("learnt.tex"), numbers)?)
 }
 
@@ -82,10 +88,9 @@ fn number(out: &mut String, row: &str, column: &str, value: &str) -> Done {
 
 /// Draws what is learnt of the courtyard; returns numbers of the text.
 fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
-    let yard = Stage::named("courtyard")?;
+    let yard = stage("courtyard", RHO)?;
     // Learn by many rays
-    let gather =
-        &Gather { training: TRAINING, ..yard.0.gather(RESOLUTION) };
+    let gather = &Gather { training: TRAINING, ..yard.gather(RESOLUTION) };
     let intersector = gather.intersector;
     let window = Window { corner: (0, 0), size: RESOLUTION };
     let allocation = &Allocation::even(window);
@@ -119,14 +124,14 @@ fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
 
 /// Draws the back room by paths and by a gather.
 fn render(figures: &Path, out: &mut String) -> Done {
-    let room = Stage::named("backroom")?;
-    let gather = room.0.gather(RESOLUTION);
+    let room = stage("backroom", RHO)?;
+    let gather = room.gather(RESOLUTION);
     let mut gather = Gather { training: TRAINING, ..gather };
     let film = Film::new(RESOLUTION.0, RESOLUTION.1);
     let mut film = film.with_replicates(TOGETHER).with_shared_tiles();
     let rays = gather.pass(&mut film, SAMPLES, &|_| true);
     let mut paths = Film::new(RESOLUTION.0, RESOLUTION.1);
-    let (samples, traced) = room.trace(rays, &mut paths);
+    let (samples, traced) = trace(&room, rays, &mut paths);
     for (way, film, samples, rays) in [
         ("gather", &film, SAMPLES, rays),
         ("paths", &paths, samples, traced),
@@ -141,29 +146,15 @@ fn render(figures: &Path, out: &mut String) -> Done {
     Ok(())
 }
 
-/// A scene with a camera in it.
-struct Stage(Setting);
-
-impl Stage {
-    fn named(name: &str) -> Result<Self, Box<dyn Error>> {
-        let (mesh, view) = match Interior::named(name) {
-            Some(interior) => (interior.mesh(), interior.view),
-            None => (courtyard::mesh(), courtyard::view()),
-        };
-        let aspect = f64::from(RESOLUTION.0) / f64::from(RESOLUTION.1);
-        Setting::new(&mesh, (RHO, view.up), &view, aspect).map(Self)
+/// Renders by paths of at least so many rays; samples and rays.
+fn trace(setting: &Setting, rays: u64, film: &mut Film) -> (u64, u64) {
+    let mut job = setting.job(1);
+    let (mut samples, mut traced) = (0, 0);
+    while traced < rays {
+        samples += 1;
+        traced += job.pass(film, samples, &|_| true);
     }
-
-    /// Renders by paths of at least so many rays; samples and rays.
-    fn trace(&self, rays: u64, film: &mut Film) -> (u64, u64) {
-        let mut job = self.0.job(1);
-        let (mut samples, mut traced) = (0, 0);
-        while traced < rays {
-            samples += 1;
-            traced += job.pass(film, samples, &|_| true);
-        }
-        (samples, traced)
-    }
+    (samples, traced)
 }
 
 /// Draws the values of the cells in the middles of the pixels, the

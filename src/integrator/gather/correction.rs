@@ -62,8 +62,8 @@ impl<K: Intersector> Tracer<'_, K> {
         }
     }
 
-    /// The probability with which a correction at `y` is kept: small where
-    /// many of the group see it.
+    /// The share of the draws at `y` that is kept, small where many of the
+    /// group see it; the caller rounds the number by chance.
     fn kept(
         &mut self,
         correction: &Correction,
