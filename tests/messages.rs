@@ -351,3 +351,37 @@ fn an_axis_that_looks_up_is_told_where_nothing_else_says_it() {
         assert!(run.stderr.contains(&said.unwrap_or_default()));
     }
 }
+
+/// A line of progress that is drawn over itself fits the terminal, whatever
+/// signs the name of the scene has.
+#[test]
+fn a_wide_name_does_not_break_the_line_of_progress() {
+    let place = Scratch::new();
+    let name = "長い名前の建物の模型ファイル一号🏠🏠";
+    let line = format!(
+        "stty cols 40; mkfifo {name}; (sleep 0.5; cat room.obj > {name}) & \
+         exec \"$PT\" {name} -d8x6 -n1 -o a.png"
+    );
+    let Some(text) = on_a_terminal(&place, &line) else { return };
+    // Chinese, Japanese and Korean signs and pictures take two columns.
+    let wide = |c: char| {
+        c >= '\u{1100}' && !('\u{2000}'..='\u{2e7f}').contains(&c)
+    };
+    let columns = |line: &str| {
+        line.chars().map(|c| 1 + usize::from(wide(c))).sum::<usize>()
+    };
+    let bare = |line: &str| {
+        let mut parts = line.split('\x1b');
+        let first = parts.next().unwrap_or_default().to_owned();
+        let after = |part: &str| {
+            part.split_once(char::is_alphabetic)
+                .map(|(_, rest)| rest.to_owned())
+        };
+        parts.filter_map(after).fold(first, |line, part| line + &part)
+    };
+    let drawn = text.split(['\r', '\n']).map(bare);
+    let drawn: Vec<_> =
+        drawn.filter(|line| line.contains("reading")).collect();
+    assert!(!drawn.is_empty(), "{text:?}");
+    assert!(drawn.iter().all(|line| columns(line) <= 40), "{drawn:?}");
+}

@@ -22,7 +22,7 @@ use litpt::integrator::gather::guide::{BINS, Guide, bin};
 use litpt::integrator::gather::training::train;
 use litpt::integrator::gather::{Allocation, End, Tracer};
 use litpt::render::Renderer;
-use litpt::render::choose::{Method, Sampling};
+use litpt::render::choose::{Method, Pixels, Sampling};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
 use litpt::sampler::{generator, to_unit};
 use litpt_book::closed_forms::Setting;
@@ -68,7 +68,12 @@ pub fn run(arguments: &[String]) -> Done {
     let mut numbers = learn(figures)?;
     render(figures, &mut numbers)?;
     for (n, size) in [(4, (160, 120)), (64, (320, 240))] {
-        let gather = Sampling::new(Method::Gather, 0, Some(n), size);
+        let gather = Sampling::new(
+            Method::Gather,
+            0,
+            Some(n),
+            Pixels::of_image(size),
+        );
         let row = format!("{n} of {}", size.0);
         number(
             &mut numbers,
