@@ -3,7 +3,7 @@
 
 //! What `pt` does with an OBJ that is odd, and with one that is wrong.
 
-use crate::common::{ROOM, SQUARE, Scratch, finish};
+use crate::common::{ROOM, SQUARE, Scratch, outcome};
 use litpt::scene::{Scene, read_file};
 
 /// A triangle that fills a part of the image.
@@ -101,7 +101,7 @@ fn what_has_no_end_and_is_no_obj_is_refused() {
     let mut command = place.command("sh");
     command.args(["-c", "yes | \"$0\""]);
     command.arg(env!("CARGO_BIN_EXE_pt"));
-    let endless = finish(command.spawn().unwrap());
+    let endless = outcome(&mut command);
     endless.failed(1, &["standard input: ", fault]);
 }
 

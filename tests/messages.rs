@@ -10,7 +10,7 @@ use std::time::Duration;
 use litpt::bvh::Isa;
 use litpt::progress;
 
-use common::{ABOVE, Run, Scratch, finish, skip};
+use common::{ABOVE, Run, Running, Scratch, finish, skip};
 
 /// Runs a line of the shell, in which `$PT` is `pt`, on a terminal; its output
 /// and its messages come as one text. None where there is no program `script`
@@ -23,7 +23,7 @@ fn on_a_terminal(place: &Scratch, line: &str) -> Option<String> {
         skip("there is no program script");
         return None;
     };
-    Some(String::from_utf8(finish(child).stdout).unwrap())
+    Some(String::from_utf8(finish(Running(child)).stdout).unwrap())
 }
 
 /// Whether the text holds a sequence that sets colours or weights.

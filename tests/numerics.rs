@@ -62,11 +62,15 @@ fn powers_of_two_are_exact_over_the_normal_range() {
 }
 
 #[test]
-fn normalised_vectors_have_a_largest_component_near_one() {
-    for size in [1e-300, 1e-5, 1., 3., 1e300] {
-        let v = normalise(DVec3::new(0.3, -1., 0.7) * size);
+fn normalised_vectors_have_their_direction_and_a_component_near_one() {
+    for size in [1e-300, 1e-5, 1., -3., 1e300] {
+        let u = DVec3::new(0.3, -1., 0.7) * size;
+        let v = normalise(u);
         let largest = v.abs().max_element();
         assert!((1. ..2.).contains(&largest), "{size}: {v}");
+        // The factor is a power of two, which rounds nothing.
+        let factor = v.y / u.y;
+        assert!(factor > 0. && factor * u == v, "{size}: {v}");
     }
     assert_eq!(normalise(DVec3::ZERO), DVec3::ZERO);
 }

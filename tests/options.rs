@@ -17,7 +17,7 @@ use litpt::options::{Error, Options};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use common::{ABOVE, ROOM, Scratch, finish, pgm};
+use common::{ABOVE, ROOM, Scratch, pgm};
 
 // ------------------------------------------------------- Words and options
 
@@ -401,7 +401,7 @@ fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
     let run = |words: &str| {
         let mut command = place.command(env!("CARGO_BIN_EXE_pt"));
         let line = format!("room.obj -d9x7 -n4 -u 0,0.1,1 {words}");
-        finish(command.args(line.split_whitespace()).spawn().unwrap())
+        common::outcome(command.args(line.split_whitespace()))
     };
     for view in ["", "--view top"] {
         let sky = "--sky overcast --ground 0.5";

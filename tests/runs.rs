@@ -6,12 +6,14 @@
 
 use crate::common;
 
-use std::fs;
-use std::process::Child;
-use std::thread;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
+use std::{env, fs, io, thread};
 
-use common::{BOX, Run, Scratch, finish, signal, skip, wait_until};
+use common::{
+    BOX, Run, Running, Scratch, finish, is_running, signal, skip, spawn,
+    wait_until,
+};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
@@ -24,8 +26,8 @@ fn pt(place: &Scratch, arguments: &str) -> Run {
     place.line(&format!("-q {SCENE} {arguments}"))
 }
 
-fn spawn(place: &Scratch, arguments: &str) -> Child {
-    place.pt(&format!("-q {SCENE} {arguments}")).spawn().unwrap()
+fn begin(place: &Scratch, arguments: &str) -> Running {
+    spawn(&mut place.pt(&format!("-q {SCENE} {arguments}")))
 }
 
 fn steps(report: &Value) -> &[Value] {
@@ -147,9 +149,9 @@ fn an_error_limit_is_kept_and_said() {
 
 /// Starts a run without an end, and returns when its report has a step
 /// of at least so many samples.
-fn start(place: &Scratch, least: u64, arguments: &str) -> Child {
+fn start(place: &Scratch, least: u64, arguments: &str) -> Running {
     let run = format!("{FILES} -n1000000000 {arguments}");
-    let mut child = spawn(place, &run);
+    let mut child = begin(place, &run);
     let path = place.path("r.json");
     wait_until(&mut child, "report", || {
         path.exists() && spp(&place.json("r.json")) >= least
@@ -193,7 +195,7 @@ fn listens(id: u32) -> bool {
 /// A run of the box, when it listens to signals. Tracing stops at once, but
 /// so large an image is summarised and written for a while.
 /// None where the system does not tell which signals are caught.
-fn slow_to_write(place: &Scratch) -> Option<Child> {
+fn slow_to_write(place: &Scratch) -> Option<Running> {
     if fs::metadata("/proc/self/status").is_err() {
         skip("the system does not tell which signals are caught");
         return None;
@@ -203,7 +205,7 @@ fn slow_to_write(place: &Scratch) -> Option<Child> {
         "-q -ibox.obj -d2048x2048 -n2 --keep-all {FILES} --checkpoint=c \
          --every=0.001 --integrator=reference"
     );
-    let mut child = place.pt(&run).spawn().unwrap();
+    let mut child = spawn(&mut place.pt(&run));
     let id = child.id();
     wait_until(&mut child, "handler", || listens(id));
     // A box is read and built in some milliseconds, if nobody else works.
@@ -272,7 +274,7 @@ fn a_signal_that_is_ignored_from_the_start_stays_ignored() {
     let mut command = place.command("sh");
     command.args(["-c", "trap '' HUP; exec \"$@\"", "sh"]);
     command.arg(plain.get_program()).args(plain.get_args());
-    let mut child = command.spawn().unwrap();
+    let mut child = spawn(&mut command);
     let report = place.path("r.json");
     let steps = || report.exists().then(|| spp(&place.json("r.json")));
     wait_until(&mut child, "report", || steps().is_some());
@@ -295,7 +297,7 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
         ("-d2048x1536", 130, "signal"),
         ("--time=1 -d1024x768 -f", 0, "time"),
     ] {
-        let mut child = place.pt(&format!("{all} {more}")).spawn().unwrap();
+        let mut child = spawn(&mut place.pt(&format!("{all} {more}")));
         let id = child.id();
         if why == "signal" {
             wait_until(&mut child, "handler", || listens(id));
@@ -346,6 +348,65 @@ fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
     assert!(report["rmse"].as_f64() > Some(0.));
     assert!(report["rays"].as_u64() > Some(10 * 23 * 17));
     assert!(!place.path("a.exr").exists());
+}
+
+/// The command that runs one of these tests in a process of its own, which
+/// ignores what a terminal sends, as one begun by nohup or a script does.
+fn alone(place: &Scratch, test: &str) -> Command {
+    let mut command = place.command("sh");
+    command.args(["-c", "trap '' HUP INT QUIT; exec \"$@\"", "sh"]);
+    command.arg(env::current_exe().unwrap());
+    command.args(["--include-ignored", "--exact", test]);
+    command.env("TMPDIR", place.path("")).stdin(Stdio::piped());
+    command
+}
+
+#[test]
+fn runs_heed_the_signals_that_their_test_ignores() {
+    let test = "runs::a_signal_ends_the_run_with_its_image_and_report";
+    let run = common::outcome(&mut alone(&Scratch::new(), test));
+    run.succeeded();
+    assert!(run.text().contains("1 passed"));
+}
+
+/// Where the run that is left behind tells its number.
+const LEFT: &str = "LITPT_TEST_LEFT";
+
+#[test]
+#[ignore = "no_run_outlives_its_test runs it"]
+fn a_test_fails_with_a_run_under_way() {
+    let Some(file) = env::var_os(LEFT) else { return };
+    let place = Scratch::new();
+    let child = start(&place, 1, "");
+    fs::write(file, child.id().to_string()).unwrap();
+    io::stdin().read_line(&mut String::new()).unwrap();
+    panic!("as it should");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn no_run_outlives_its_test() {
+    for (is_killed, status) in [(true, None), (false, Some(101))] {
+        let place = Scratch::new();
+        let left = place.path("left");
+        let mut test =
+            alone(&place, "runs::a_test_fails_with_a_run_under_way");
+        let mut test = spawn(test.env(LEFT, &left));
+        let id = || fs::read_to_string(&left).ok()?.parse().ok();
+        wait_until(&mut test, "run", || id().is_some_and(is_running));
+        if is_killed {
+            test.kill().unwrap();
+        }
+        assert_eq!(finish(test).status, status);
+        let start = Instant::now();
+        while id().is_some_and(is_running) {
+            assert!(
+                start.elapsed() < Duration::from_secs(30),
+                "it runs on"
+            );
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
 }
 
 // ---------------------------------------------------------------- The places
@@ -607,7 +668,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
 fn a_preview_grows_while_the_image_is_rendered() {
     let place = Scratch::new();
     let files = "--preview -oa.png -oa.pfm -n1000000000";
-    let mut child = spawn(&place, files);
+    let mut child = begin(&place, files);
     let path = place.path("a.png");
     wait_until(&mut child, "preview", || path.exists());
     let whole = |png: &[u8]| png.ends_with(b"IEND\xae\x42\x60\x82");
@@ -625,7 +686,7 @@ fn a_signal_is_answered() {
     let place = Scratch::new();
     // To summarise so many pixels takes longer than to answer.
     let words = format!("{SCENE} {FILES} -n1000000000 -d1500x1500");
-    let mut child = place.pt(&words).spawn().unwrap();
+    let mut child = spawn(&mut place.pt(&words));
     let started = || place.path("r.json").exists();
     wait_until(&mut child, "report", started);
     signal("INT", &child);
