@@ -259,6 +259,22 @@ fn a_name_of_a_file_need_not_be_a_text() {
         let again = Options::restore(&typed.save("/".as_ref())).unwrap();
         assert_eq!(again.scene, Some(Path::new("/").join(name)));
     }
+    // It is told from the value of an option by its place.
+    for (name, line) in [
+        ("3", "3 -n 3"),
+        ("3", "-n 3 3"),
+        ("3x3", "3x3 -d 3x3 -n 3"),
+        ("3,2,1", "-p 3,2,1 -- 3,2,1"),
+        ("sobol", "sobol --integrator sobol"),
+        ("-n", "-n 3 --input=-n"),
+    ] {
+        let words: Vec<&str> = line.split(' ').collect();
+        let before = parsed(&words).save("/".as_ref());
+        let again = Options::restore(&before).unwrap();
+        let scene = Path::new("/").join(name);
+        assert_eq!(again.scene_file(), Some(&*scene), "{line}");
+        assert_eq!(again.save("/".as_ref()), before, "{line}");
+    }
     let place = Scratch::new();
     std::fs::write(place.path("").join(name), ROOM).unwrap();
     place.run(&[OsStr::new("-d9x7"), name]).succeeded();

@@ -182,6 +182,15 @@ fn a_signal_ends_the_run_with_its_image_and_report() {
     }
 }
 
+#[test]
+fn a_limit_of_processor_time_ends_the_run_with_its_image_and_state() {
+    let place = Scratch::new();
+    let run = format!("-q {SCENE} {FILES} --checkpoint=c -n1000000000");
+    assert_eq!(place.within("-S -t 1", &run).status, Some(152));
+    complete(&place, "signal");
+    place.holds_only(&["a.exr", "a.pfm", "c", "r.json"]);
+}
+
 /// Whether a program on Linux catches all signals that end a run.
 fn listens(id: u32) -> bool {
     let status = format!("/proc/{id}/status");

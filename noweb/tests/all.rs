@@ -12,6 +12,7 @@ mod map;
 mod markdown;
 mod project;
 mod properties;
+mod regressions;
 mod rust_index;
 mod untangle;
 mod weave_differential;

@@ -122,7 +122,8 @@ pub fn oracle() -> Option<PathBuf> {
 /// capture of its output, so that .ci/run sees whether such tests become more.
 pub fn skip(why: &str) {
     let thread = std::thread::current();
-    let line = format!("skipped: {}: {why}\n", thread.name().unwrap_or("?"));
+    let line =
+        format!("skipped: {}: {why}\n", thread.name().unwrap_or("?"));
     std::io::stderr().write_all(line.as_bytes()).expect("an output");
 }
 
