@@ -239,7 +239,7 @@ fn killed_after(place: &Scratch, spp: u64, arguments: &str) {
     let mut child = spawn(&mut place.pt(&line));
     let path = place.path("c");
     wait_until(&mut child, "checkpoint", || saved_spp(&path) > Some(spp));
-    child.kill().unwrap();
+    child.0.kill().unwrap();
     assert_eq!(finish(child).status, None);
 }
 

@@ -45,7 +45,7 @@ fn start_reading(place: &Scratch, arguments: &str) -> Running {
 }
 
 fn send_room(mut child: Running) -> Run {
-    let stdin = child.stdin.as_mut().unwrap();
+    let stdin = child.0.stdin.as_mut().unwrap();
     stdin.write_all(ROOM.as_bytes()).unwrap();
     finish(child)
 }
@@ -137,7 +137,7 @@ fn an_image_appears_only_when_it_is_whole() {
     let output = "-f -oold.pgm -onew.png";
     let mut child = start_reading(&place, output);
     assert_eq!(place.get("old.pgm"), b"old");
-    child.kill().unwrap();
+    child.0.kill().unwrap();
     finish(child);
     assert_eq!(place.get("old.pgm"), b"old");
     place.holds_only(&["old.pgm"]);
@@ -370,7 +370,7 @@ fn a_reader_who_has_seen_enough_is_no_error() {
     let place = Scratch::new();
     let mut child = spawn(&mut place.pt("-q -iroom.obj"));
     let mut line = String::new();
-    let mut reader = BufReader::new(child.stdout.take().unwrap());
+    let mut reader = BufReader::new(child.0.stdout.take().unwrap());
     reader.read_line(&mut line).unwrap();
     drop(reader);
     let run = finish(child);

@@ -6,13 +6,12 @@
 
 use crate::common;
 
-use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use std::{env, fs, io, thread};
+use std::{env, fs, thread};
 
 use common::{
-    BOX, Run, Running, Scratch, finish, is_running, signal, skip, spawn,
-    wait_until,
+    BOX, Run, Running, Scratch, finish, is_running, outcome, signal, skip,
+    spawn, wait_until,
 };
 use litpt::film::Film;
 use litpt::image::Image;
@@ -182,15 +181,6 @@ fn a_signal_ends_the_run_with_its_image_and_report() {
     }
 }
 
-#[test]
-fn a_limit_of_processor_time_ends_the_run_with_its_image_and_state() {
-    let place = Scratch::new();
-    let run = format!("-q {SCENE} {FILES} --checkpoint=c -n1000000000");
-    assert_eq!(place.within("-S -t 1", &run).status, Some(152));
-    complete(&place, "signal");
-    place.holds_only(&["a.exr", "a.pfm", "c", "r.json"]);
-}
-
 /// Whether a program on Linux catches all signals that end a run.
 fn listens(id: u32) -> bool {
     let status = format!("/proc/{id}/status");
@@ -215,7 +205,7 @@ fn slow_to_write(place: &Scratch) -> Option<Running> {
          --every=0.001 --integrator=reference"
     );
     let mut child = spawn(&mut place.pt(&run));
-    let id = child.id();
+    let id = child.0.id();
     wait_until(&mut child, "handler", || listens(id));
     // A box is read and built in some milliseconds, if nobody else works.
     thread::sleep(Duration::from_millis(3000));
@@ -231,7 +221,7 @@ fn a_warning_may_come_again_and_is_not_the_first_of_two_signals() {
         thread::sleep(Duration::from_millis(200));
     }
     let start = Instant::now();
-    while child.try_wait().unwrap().is_none() {
+    while child.0.try_wait().unwrap().is_none() {
         signal("XCPU", &child);
         assert!(start.elapsed() < Duration::from_secs(60));
     }
@@ -254,7 +244,7 @@ fn a_second_signal_ends_the_program_at_once() {
         let Some(mut child) = slow_to_write(&place) else { return };
         signal(first, &child);
         let start = Instant::now();
-        while child.try_wait().unwrap().is_none() {
+        while child.0.try_wait().unwrap().is_none() {
             signal(second, &child);
             assert!(start.elapsed() < Duration::from_secs(30));
         }
@@ -307,7 +297,7 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
         ("--time=1 -d1024x768 -f", 0, "time"),
     ] {
         let mut child = spawn(&mut place.pt(&format!("{all} {more}")));
-        let id = child.id();
+        let id = child.0.id();
         if why == "signal" {
             wait_until(&mut child, "handler", || listens(id));
             thread::sleep(Duration::from_millis(1000));
@@ -335,7 +325,7 @@ fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
     signal("TERM", &child);
     let start = Instant::now();
     // The pipe stays open: nothing but the signal ends the program.
-    while child.try_wait().unwrap().is_none() {
+    while child.0.try_wait().unwrap().is_none() {
         assert!(start.elapsed() < Duration::from_secs(30));
         thread::sleep(Duration::from_millis(1));
     }
@@ -349,7 +339,7 @@ fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
 fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
     let place = Scratch::new();
     let mut child = start(&place, 10, "");
-    child.kill().unwrap();
+    child.0.kill().unwrap();
     finish(child);
     let report = place.json("r.json");
     assert_eq!(report["stopped"], Value::Null);
@@ -359,56 +349,37 @@ fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
     assert!(!place.path("a.exr").exists());
 }
 
-/// The command that runs one of these tests in a process of its own, which
-/// ignores what a terminal sends, as one begun by nohup or a script does.
-fn alone(place: &Scratch, test: &str) -> Command {
-    let mut command = place.command("sh");
-    command.args(["-c", "trap '' HUP INT QUIT; exec \"$@\"", "sh"]);
-    command.arg(env::current_exe().unwrap());
-    command.args(["--include-ignored", "--exact", test]);
-    command.env("TMPDIR", place.path("")).stdin(Stdio::piped());
-    command
-}
-
+/// A test in a process that ignores what a terminal sends, as one that nohup
+/// or a script has begun.
 #[test]
 fn runs_heed_the_signals_that_their_test_ignores() {
+    let place = Scratch::new();
     let test = "runs::a_signal_ends_the_run_with_its_image_and_report";
-    let run = common::outcome(&mut alone(&Scratch::new(), test));
+    let mut command = place.command("sh");
+    command.args(["-c", "trap '' HUP INT QUIT; exec \"$@\"", "sh"]);
+    command.arg(env::current_exe().unwrap()).args(["--exact", test]);
+    let run = outcome(&mut command);
     run.succeeded();
     assert!(run.text().contains("1 passed"));
 }
 
-/// Where the run that is left behind tells its number.
-const LEFT: &str = "LITPT_TEST_LEFT";
-
-#[test]
-#[ignore = "no_run_outlives_its_test runs it"]
-fn a_test_fails_with_a_run_under_way() {
-    let Some(file) = env::var_os(LEFT) else { return };
-    let place = Scratch::new();
-    let child = start(&place, 1, "");
-    fs::write(file, child.id().to_string()).unwrap();
-    io::stdin().read_line(&mut String::new()).unwrap();
-    panic!("as it should");
-}
-
+/// Whether its guard ends it, or the system, which does so whatever happens
+/// to the process of the test.
 #[test]
 #[cfg(target_os = "linux")]
 fn no_run_outlives_its_test() {
-    for (is_killed, status) in [(true, None), (false, Some(101))] {
-        let place = Scratch::new();
-        let left = place.path("left");
-        let mut test =
-            alone(&place, "runs::a_test_fails_with_a_run_under_way");
-        let mut test = spawn(test.env(LEFT, &left));
-        let id = || fs::read_to_string(&left).ok()?.parse().ok();
-        wait_until(&mut test, "run", || id().is_some_and(is_running));
-        if is_killed {
-            test.kill().unwrap();
-        }
-        assert_eq!(finish(test).status, status);
+    for is_guarded in [true, false] {
+        let (place, mut id) = (Scratch::new(), 0);
+        let test = || {
+            let child = start(&place, 1, "");
+            id = child.0.id();
+            assert!(!is_guarded, "as it should");
+            std::mem::forget(child);
+        };
+        let test = thread::scope(|scope| scope.spawn(test).join());
+        assert_eq!((test.is_err(), id > 0), (is_guarded, true));
         let start = Instant::now();
-        while id().is_some_and(is_running) {
+        while is_running(id) {
             assert!(
                 start.elapsed() < Duration::from_secs(30),
                 "it runs on"

@@ -11,7 +11,9 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
-use common::{Run, Running, Scratch, finish, is_running, spawn, wait_until};
+use common::{
+    Run, Running, Scratch, finish, is_running, spawn, wait_until,
+};
 use litpt::image::Image;
 use litpt::state::checkpoint::Checkpoint;
 use litpt::state::shards::merge;
@@ -147,7 +149,7 @@ fn what_is_wrong_is_said_once() {
 
 /// The processes of the ranks, in their order.
 fn processes(run: &Running) -> Vec<u32> {
-    let id = run.id();
+    let id = run.0.id();
     let children = format!("/proc/{id}/task/{id}/children");
     let children = fs::read_to_string(children).unwrap();
     children.split_whitespace().map(|id| id.parse().unwrap()).collect()
@@ -194,7 +196,7 @@ fn a_run_that_is_ended_by_force_goes_on() {
         let child = under_way(&place);
         let ranks = processes(&child);
         assert_eq!(ranks.len(), 3);
-        let id = rank.map_or(child.id(), |rank: usize| ranks[rank]);
+        let id = rank.map_or(child.0.id(), |rank: usize| ranks[rank]);
         kill(name, id);
         let run = finish(child);
         match (name, rank) {

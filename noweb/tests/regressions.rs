@@ -19,10 +19,7 @@ fn a_chunk_adds_its_lines_and_the_blanks_before_its_use_and_nothing_else() {
         ("a.sh", "cat a \\\n  ", " |\n  sort"),
         ("bin/a", "#!/bin/sh\ncat <<'END'\n", "\nEND"),
         ("a.py", "def f():\n\tx = \"\"\"\n\t", "\n\"\"\""),
-        ("b.py", "if x:\n\t", "\n\treturn"),
-        ("a.go", "func f() {\n\t", "\n}"),
         ("a/GNUmakefile", "all:\n\t", "\nb:\n\t<<A few lines>>"),
-        ("a.mak", "define a\n\t \t", "\nendef"),
         ("a.rs", "const A: &str = \"\\\n", "\\\n\";"),
         ("b.rs", "fn f() {\n\tg(r#\"\n\t", "\n\"#);\n}"),
     ] {
@@ -36,17 +33,4 @@ fn a_chunk_adds_its_lines_and_the_blanks_before_its_use_and_nothing_else() {
         let done = body.replace("<<A few lines>>", &lines);
         assert_eq!(scratch.read(name), done, "{name}");
     }
-}
-
-#[test]
-fn a_master_in_an_old_encoding_says_where_its_lines_are() {
-    let scratch = Scratch::new();
-    scratch.write("m.nw", b"\\author{\xc5ngstr\xf6m}\n\\include{c}\n");
-    scratch.write("chapters/c.nw", b"\xe4\n<<a.c>>=\nint \xb5 = m;\n");
-    let tangle = run(scratch.path(), &["tangle", "m.nw", "chapters/c.nw"]);
-    assert_eq!(tangle.status, 0, "{}", tangle.stderr());
-    let line = ["map", "m.nw", "--", "echo", "a.c:1:9: error"];
-    let outcome = run(scratch.path(), &line);
-    assert_eq!(outcome.stdout(), "chapters/c.nw:3:9: error\n");
-    assert_eq!((outcome.status, &*outcome.stderr()), (0, ""));
 }

@@ -9,7 +9,6 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{self, Read, Write};
-use std::ops::{Deref, DerefMut};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -199,25 +198,11 @@ pub struct Run {
 /// A child that does not outlive its test, however that ends.
 pub struct Running(pub Child);
 
-impl Deref for Running {
-    type Target = Child;
-
-    fn deref(&self) -> &Child {
-        &self.0
-    }
-}
-
-impl DerefMut for Running {
-    fn deref_mut(&mut self) -> &mut Child {
-        &mut self.0
-    }
-}
-
 impl Drop for Running {
     fn drop(&mut self) {
         // Neither does anything to a child that has been waited for.
-        let _ = self.kill();
-        let _ = self.wait();
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
@@ -252,18 +237,18 @@ pub fn outcome(command: &mut Command) -> Run {
 /// Runs a command with `input` on its standard input.
 pub fn feed(mut command: Command, input: &[u8]) -> Run {
     let mut child = spawn(command.stdin(Stdio::piped()));
-    child.stdin.take().unwrap().write_all(input).unwrap();
+    child.0.stdin.take().unwrap().write_all(input).unwrap();
     finish(child)
 }
 
 /// Waits for a child and collects what it wrote.
 pub fn finish(mut child: Running) -> Run {
-    drop(child.stdin.take());
-    let stdout = collect(child.stdout.take());
-    let stderr = collect(child.stderr.take());
+    drop(child.0.stdin.take());
+    let stdout = collect(child.0.stdout.take());
+    let stderr = collect(child.0.stderr.take());
     let start = Instant::now();
     let status = loop {
-        if let Some(status) = child.try_wait().unwrap() {
+        if let Some(status) = child.0.try_wait().unwrap() {
             break status;
         }
         assert!(start.elapsed() < PATIENCE, "no end in {PATIENCE:?}");
@@ -291,16 +276,20 @@ pub fn keep_reading(mut command: Command) -> Running {
     let mut child = spawn(command.stdin(Stdio::piped()));
     // More than any pipe holds: the write ends when somebody reads.
     let comment = "# nothing to see here, read on\n".repeat(1 << 16);
-    let stdin = child.stdin.as_mut().unwrap();
+    let stdin = child.0.stdin.as_mut().unwrap();
     stdin.write_all(comment.as_bytes()).unwrap();
     child
 }
 
 /// Waits until a running program has come as far as the test needs it.
-pub fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
+pub fn wait_until(
+    child: &mut Running,
+    what: &str,
+    done: impl Fn() -> bool,
+) {
     let start = Instant::now();
     while !done() {
-        assert!(child.try_wait().unwrap().is_none(), "ended, no {what}");
+        assert!(child.0.try_wait().unwrap().is_none(), "ended, no {what}");
         assert!(start.elapsed() < PATIENCE, "no {what}");
         thread::sleep(Duration::from_millis(1));
     }
@@ -312,8 +301,8 @@ pub fn is_running(process: u32) -> bool {
 }
 
 /// Sends a signal, which fails if the program has ended.
-pub fn signal(name: &str, child: &Child) {
-    let script = format!("kill -{name} {}", child.id());
+pub fn signal(name: &str, child: &Running) {
+    let script = format!("kill -{name} {}", child.0.id());
     let mut command = Command::new("sh");
     let status = command.args(["-c", &script]).stderr(Stdio::null());
     let _ = status.status().unwrap();
