@@ -3,7 +3,7 @@
 
 //! What `pt` does with an OBJ that is odd, and with one that is wrong.
 
-use crate::common::{ROOM, SQUARE, Scratch, finish};
+use crate::common::{ROOM, SQUARE, Scratch, outcome};
 use litpt::scene::{Scene, read_file};
 
 /// A triangle that fills a part of the image.
@@ -101,7 +101,7 @@ fn what_has_no_end_and_is_no_obj_is_refused() {
     let mut command = place.command("sh");
     command.args(["-c", "yes | \"$0\""]);
     command.arg(env!("CARGO_BIN_EXE_pt"));
-    let endless = finish(command.spawn().unwrap());
+    let endless = outcome(&mut command);
     endless.failed(1, &["standard input: ", fault]);
 }
 
@@ -278,6 +278,10 @@ fn a_backslash_continues_a_line() {
     same(odd.replace(" \\\n", "\\\n"), &with(""));
     same(odd.trim_end().to_owned() + " \\ ", &with(""));
     same("v -9 -9\\\n0\nv 9 -8 0\nv -1 7 0\nf 1 2\\\\\n3", &with(""));
+    // No two numbers become one, though there is a vertex of that number.
+    let many = TRIANGLE.to_owned() + &"v 1 1 1\n".repeat(30);
+    let glued = format!("{many}f 1//1\\\n2//2\\\r\n3\\\r3\n");
+    same(glued, &format!("{many}f 1 2 3 3\n"));
     let wrong = odd.replace("2 3", "2 \\\n 9");
     refused(wrong, &["9", "3 vertices"]);
 }

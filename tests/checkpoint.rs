@@ -10,7 +10,7 @@ use std::io::Cursor;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use common::{ROOM, Run, Scratch, finish, wait_until};
+use common::{ROOM, Run, Scratch, finish, outcome, spawn, wait_until};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
@@ -236,11 +236,11 @@ fn saved_spp(path: &PathBuf) -> Option<u64> {
 /// than `spp` samples.
 fn killed_after(place: &Scratch, spp: u64, arguments: &str) {
     let endless = "-n1000000000 --every=0.001 --checkpoint=c";
-    let mut command = place.pt(&format!("{SCENE} {endless} {arguments}"));
-    let mut child = command.spawn().unwrap();
+    let line = format!("{SCENE} {endless} {arguments}");
+    let mut child = spawn(&mut place.pt(&line));
     let path = place.path("c");
     wait_until(&mut child, "checkpoint", || saved_spp(&path) > Some(spp));
-    child.kill().unwrap();
+    child.0.kill().unwrap();
     assert_eq!(finish(child).status, None);
 }
 
@@ -388,7 +388,7 @@ fn a_resumed_run_keeps_away_from_the_files_of_others() {
     std::fs::create_dir(&other).unwrap();
     let elsewhere = |words: &str| {
         let mut command = place.pt(&format!("--resume=../c {words}"));
-        finish(command.current_dir(&other).spawn().unwrap()).succeeded();
+        outcome(command.current_dir(&other)).succeeded();
     };
     elsewhere("-n3");
     elsewhere("../room.obj -d9x7 -n3 -q -o-");

@@ -233,9 +233,11 @@ fn a_hierarchy_is_built_for_the_samples_of_an_error() {
         ("--error=0.005", 1.44, 5.),
         ("-p0,-5,0 -t0,0,0 --error=0.1", 6.25, 1.8),
         ("-p0,-5,0 -t0,0,0 --error=0.5", 1., 1.8),
+        ("-n2", 2., 5.),
+        ("-p0,-5,0 -t0,0,0 -n3", 3., 1.8),
     ];
     for (options, samples, rays) in expected {
-        let report = report(&place, &format!("{options} -d32x24 -n64"));
+        let report = report(&place, &format!("-d32x24 -n64 {options}"));
         let triangles = report["scene"]["triangles"].as_f64().unwrap();
         let quality = 0.768 * samples * rays / triangles;
         let expected = format!("quality {quality:.2}");

@@ -3,6 +3,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::chance::Chance;
+
 use glam::DVec3;
 use litpt::camera::View;
 use litpt::film::Film;
@@ -12,17 +14,6 @@ use litpt_book::closed_forms::{
     Setting, cavity, cavity_radiance, closed_forms, look, pixel, plane,
     polygon_share, trough_radiance,
 };
-use statrs::distribution::{ContinuousCDF, Normal};
-
-/// At most so many values of z are judged in this file.
-const JUDGED: u32 = 128;
-
-/// Which |z| a right program exceeds anywhere in this file with a
-/// probability of one in a thousand (Sidak 1967). The seeds are fixed.
-fn bound() -> f64 {
-    let each = 1. - (1. - 1e-3_f64).powf(1. / f64::from(JUDGED));
-    Normal::standard().inverse_cdf(1. - each / 2.)
-}
 
 fn inside() -> View {
     look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 20.)
@@ -30,28 +21,23 @@ fn inside() -> View {
 
 #[test]
 fn every_closed_form_is_met() {
-    let (mut judged, mut certain, mut wrong) = (0, 0, Vec::new());
+    let chance = &mut Chance::default();
+    let (mut judged, mut certain) = (0, 0);
     for (form, seed) in closed_forms().iter().zip((1000..).step_by(10)) {
         for outcome in form.outcomes(10_000, seed).unwrap() {
             let (pixel, exact) = (&outcome.pixel, outcome.exact);
-            let found = (pixel.mean(), pixel.variance());
-            let right = if outcome.is_certain() {
+            let place = format!("{}, rho = {}", form.name, outcome.rho);
+            if outcome.is_certain() {
+                let found = (pixel.mean(), pixel.variance());
+                assert_eq!(found, (exact, 0.), "{place}");
                 certain += 1;
-                found == (exact, 0.)
             } else {
+                chance.normal(outcome.z(), &place);
                 judged += 1;
-                outcome.z().abs() < bound()
-            };
-            if !right {
-                let place = format!("{}, rho = {}", form.name, outcome.rho);
-                wrong.push(format!("{place}: {found:?}, not {exact}"));
             }
         }
     }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert_eq!((judged, certain), (79, 59));
-    // Three more are judged below.
-    assert!(judged + 3 <= JUDGED);
 }
 
 // The integrand has a kink at theta, hence the two parts.
@@ -131,7 +117,7 @@ fn a_narrow_cavity_is_not_biased_by_roulette() {
     let pixel = pixel(&cavity(0.05, 128), 0.9, &inside(), 400_000).unwrap();
     let exact = cavity_radiance(0.9, 0.05);
     let z = (pixel.mean() - exact) / pixel.standard_error();
-    assert!(z.abs() < bound(), "z = {z}");
+    Chance::default().normal(z, "a narrow cavity");
 }
 
 #[test]

@@ -47,11 +47,6 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Comparisons with a distribution in this file, which together give a false
-/// alarm with one percent of all seeds (Šidák): of guides and of normals, of
-/// 24 pixels and their mean for five lies in two scenes, and of images.
-const CHANCE: Chance = Chance(8 + 17 + 25 * 5 * 3 + 2);
-
 fn point(random: &mut impl Rng) -> [f64; 2] {
     [random.random(), random.random()]
 }
@@ -131,6 +126,7 @@ fn a_histogram_without_light_is_no_guide() {
 // Four cells of each bin: the points are uniform within it.
 #[test]
 fn a_guide_sends_points_into_its_bins_in_proportion_to_their_density() {
+    let chance = &mut Chance::default();
     const N: u32 = 1 << 17;
     for (g, guide) in (0..).zip(guides()) {
         let mut random = generator(4, g, 0);
@@ -146,7 +142,7 @@ fn a_guide_sends_points_into_its_bins_in_proportion_to_their_density() {
             cells[4 * b + 2 * u + v] += 1;
         }
         let part = |c: usize| guide.density(c / 4) / (4 * BINS) as f64;
-        CHANCE.distributed(&cells, part, &format!("guide {g}"));
+        chance.distributed(&cells, part, &format!("guide {g}"));
     }
 }
 
@@ -201,10 +197,11 @@ fn directions_of_the_square_are_those_of_the_hemisphere() {
 
 #[test]
 fn uniform_points_become_directions_of_cosine_density() {
+    let chance = &mut Chance::default();
     let all = normals();
     for normal in all.iter().step_by(all.len() / 16) {
         let mut random = generator(7, 0, 0);
-        assert_cosine(&CHANCE, *normal, 1 << 16, || {
+        assert_cosine(chance, *normal, 1 << 16, || {
             direction(*normal, point(&mut random))
         });
     }
@@ -587,12 +584,13 @@ fn assert_unmoved(
     mean: (f64, f64),
     scrambles: u64,
 ) {
+    let chance = &mut Chance::default();
     for (name, cache) in lies(stage) {
         let (found, whole) =
             gathered(stage, &cache, Some(FRUGAL), scrambles);
-        CHANCE.normal(z(&whole, mean), &format!("{name}, the mean"));
+        chance.normal(z(&whole, mean), &format!("{name}, the mean"));
         for (i, (found, &truth)) in found.iter().zip(pixels).enumerate() {
-            CHANCE.normal(z(found, truth), &format!("{name}, pixel {i}"));
+            chance.normal(z(found, truth), &format!("{name}, pixel {i}"));
         }
         let (_, believed) = gathered(stage, &cache, None, scrambles);
         let z = z(&believed, mean);
@@ -813,6 +811,7 @@ fn the_errors_of_pixels_are_as_large_as_stated() {
 // makes their squares larger by at most 15/13.
 #[test]
 fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
+    let chance = &mut Chance::default();
     const SEEDS: u32 = 24;
     let (stage, truth) = room();
     let (mut shared, mut independent) = (0., 0.);
@@ -827,7 +826,7 @@ fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
     }
     let chi2 = ChiSquared::new(SEEDS.into()).unwrap();
     for p in [chi2.sf(shared * 13. / 15.), chi2.cdf(shared)] {
-        assert!(p > CHANCE.significance(), "{shared}");
+        chance.add(p, "squares of the errors of means");
     }
     assert!(chi2.sf(independent * 13. / 15.) < 1e-9, "{independent}");
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use litpt::bvh::Isa;
 use litpt::progress;
 
-use common::{ABOVE, Run, Scratch, finish, skip};
+use common::{ABOVE, Run, Running, Scratch, finish, skip};
 
 /// Runs a line of the shell, in which `$PT` is `pt`, on a terminal; its output
 /// and its messages come as one text. None where there is no program `script`
@@ -23,7 +23,7 @@ fn on_a_terminal(place: &Scratch, line: &str) -> Option<String> {
         skip("there is no program script");
         return None;
     };
-    Some(String::from_utf8(finish(child).stdout).unwrap())
+    Some(String::from_utf8(finish(Running(child)).stdout).unwrap())
 }
 
 /// Whether the text holds a sequence that sets colours or weights.
@@ -73,20 +73,6 @@ fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
     let built = format!(" s (quality 0.06, {})", Isa::best());
     assert!(texts[3].ends_with(&built), "{}", texts[3]);
     assert_eq!(texts[4], "uniform, zenith z");
-}
-
-/// A thousand paths from within six triangles may have 5000 rays, and those
-/// from outside 1800, for which less of the hierarchy is improved.
-#[test]
-fn an_object_seen_from_outside_has_fewer_rays() {
-    let place = Scratch::new();
-    for (camera, quality) in [("-p0,0,0.5", 0.83), ("-p0,0,20", 0.3)] {
-        let view = format!("{camera} -t0,0.5,0 -u0,1,0");
-        let image = "-iroom.obj -d10x10 -n10 -r0.8";
-        let said = place.done(&format!("{image} {view}")).stderr;
-        let built = format!(" s (quality {quality:.2},");
-        assert!(said.contains(&built), "{said}");
-    }
 }
 
 /// One who asks for an error within too few samples is told, and has an

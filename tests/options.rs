@@ -17,7 +17,7 @@ use litpt::options::{Error, Options};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use common::{ABOVE, ROOM, Scratch, finish, pgm};
+use common::{ABOVE, ROOM, Scratch, pgm};
 
 // ------------------------------------------------------- Words and options
 
@@ -259,6 +259,19 @@ fn a_name_of_a_file_need_not_be_a_text() {
         let again = Options::restore(&typed.save("/".as_ref())).unwrap();
         assert_eq!(again.scene, Some(Path::new("/").join(name)));
     }
+    // It is told from the value of an option by its place.
+    let values = "-n 3 -d 3x3 -p 3,2,1 --integrator sobol";
+    for name in values.split(' ').skip(1).step_by(2) {
+        for line in [format!("{name} {values}"), format!("{values} {name}")]
+        {
+            let words: Vec<&str> = line.split(' ').collect();
+            let before = parsed(&words).save("/".as_ref());
+            let again = Options::restore(&before).unwrap();
+            let scene = Path::new("/").join(name);
+            assert_eq!(again.scene_file(), Some(&*scene), "{line}");
+            assert_eq!(again.save("/".as_ref()), before, "{line}");
+        }
+    }
     let place = Scratch::new();
     std::fs::write(place.path("").join(name), ROOM).unwrap();
     place.run(&[OsStr::new("-d9x7"), name]).succeeded();
@@ -399,9 +412,7 @@ fn a_dash_is_standard_input_or_output() {
 fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
     let place = Scratch::new();
     let run = |words: &str| {
-        let mut command = place.command(env!("CARGO_BIN_EXE_pt"));
-        let line = format!("room.obj -d9x7 -n4 -u 0,0.1,1 {words}");
-        finish(command.args(line.split_whitespace()).spawn().unwrap())
+        place.free(&format!("room.obj -d9x7 -n4 -u 0,0.1,1 {words}"))
     };
     for view in ["", "--view top"] {
         let sky = "--sky overcast --ground 0.5";

@@ -11,11 +11,13 @@ use std::io::{self, BufRead, BufReader, Cursor, Read, Write};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
-use std::process::Child;
 use std::thread;
 use std::time::{Duration, SystemTime};
 
-use common::{ROOM, Run, Scratch, finish, keep_reading, pgm, skip};
+use common::{
+    ROOM, Run, Running, Scratch, finish, keep_reading, outcome, pgm, skip,
+    spawn,
+};
 use litpt::image::{Format, Image};
 
 const SMALL: &str = "-iroom.obj -d9x7 -n2";
@@ -38,12 +40,12 @@ fn modified(place: &Scratch, name: &str) -> SystemTime {
 }
 
 /// Starts `pt` and returns when it has begun to read its scene.
-fn start_reading(place: &Scratch, arguments: &str) -> Child {
+fn start_reading(place: &Scratch, arguments: &str) -> Running {
     keep_reading(place.pt(&format!("-d9x7 {arguments}")))
 }
 
-fn send_room(mut child: Child) -> Run {
-    let stdin = child.stdin.as_mut().unwrap();
+fn send_room(mut child: Running) -> Run {
+    let stdin = child.0.stdin.as_mut().unwrap();
     stdin.write_all(ROOM.as_bytes()).unwrap();
     finish(child)
 }
@@ -135,7 +137,7 @@ fn an_image_appears_only_when_it_is_whole() {
     let output = "-f -oold.pgm -onew.png";
     let mut child = start_reading(&place, output);
     assert_eq!(place.get("old.pgm"), b"old");
-    child.kill().unwrap();
+    child.0.kill().unwrap();
     finish(child);
     assert_eq!(place.get("old.pgm"), b"old");
     place.holds_only(&["old.pgm"]);
@@ -181,7 +183,7 @@ fn device(place: &Scratch, name: &str) -> Option<String> {
         let minor = if name == "null" { "3" } else { "7" };
         let mut command = place.command("mknod");
         command.args([&path, "c", "1", minor]);
-        finish(command.spawn().ok()?);
+        finish(Running(command.spawn().ok()?));
     }
     let there = OpenOptions::new().write(true).open(&path).is_ok();
     if !there {
@@ -208,7 +210,7 @@ fn a_device_needs_no_force_and_stays_a_device() {
     for words in [SMALL, "--help"] {
         let full = OpenOptions::new().write(true).open(&full);
         let mut command = place.pt(words);
-        let run = finish(command.stdout(full.unwrap()).spawn().unwrap());
+        let run = outcome(command.stdout(full.unwrap()));
         run.failed(1, &["standard output: cannot write: No space left"]);
     }
 }
@@ -219,7 +221,7 @@ fn a_named_pipe_carries_the_image_and_stays_a_pipe() {
     let Ok(child) = place.command("mkfifo").arg("pipe.pgm").spawn() else {
         return skip("there is no program mkfifo");
     };
-    finish(child);
+    finish(Running(child));
     let pipe = place.path("pipe.pgm");
     let path = pipe.clone();
     let reader = thread::spawn(move || fs::read(path).unwrap());
@@ -239,7 +241,7 @@ fn shell(place: &Scratch, script: &str) -> Run {
     command.env("PT", env!("CARGO_BIN_EXE_pt"));
     command.env("PTIMG", env!("CARGO_BIN_EXE_ptimg"));
     let script = [PROGRAMS, script].concat();
-    finish(command.args(["-c", &script]).spawn().unwrap())
+    outcome(command.args(["-c", &script]))
 }
 
 /// The shell's log keeps what is before the image and gets what is after.
@@ -336,7 +338,7 @@ fn an_output_that_does_not_block_gets_all_bytes() {
     // SAFETY: the descriptor is open.
     let done = unsafe { libc::fcntl(fd, libc::F_SETFL, libc::O_NONBLOCK) };
     assert_eq!(done, 0);
-    let child = place.pt(image).stdout(writer).spawn().unwrap();
+    let child = spawn(place.pt(image).stdout(writer));
     thread::sleep(Duration::from_millis(500));
     let mut bytes = vec![];
     reader.read_to_end(&mut bytes).unwrap();
@@ -366,9 +368,9 @@ fn a_write_that_stops_half_way_leaves_the_old_file_whole() {
 #[test]
 fn a_reader_who_has_seen_enough_is_no_error() {
     let place = Scratch::new();
-    let mut child = place.pt("-q -iroom.obj").spawn().unwrap();
+    let mut child = spawn(&mut place.pt("-q -iroom.obj"));
     let mut line = String::new();
-    let mut reader = BufReader::new(child.stdout.take().unwrap());
+    let mut reader = BufReader::new(child.0.stdout.take().unwrap());
     reader.read_line(&mut line).unwrap();
     drop(reader);
     let run = finish(child);
@@ -379,7 +381,7 @@ fn a_reader_who_has_seen_enough_is_no_error() {
     for mut command in [place.pt("-h"), place.companion("info a.exr")] {
         let (reader, writer) = io::pipe().unwrap();
         drop(reader);
-        let run = finish(command.stdout(writer).spawn().unwrap());
+        let run = outcome(command.stdout(writer));
         assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
     }
 }

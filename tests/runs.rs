@@ -6,12 +6,13 @@
 
 use crate::common;
 
-use std::fs;
-use std::process::Child;
-use std::thread;
 use std::time::{Duration, Instant};
+use std::{env, fs, thread};
 
-use common::{BOX, Run, Scratch, finish, signal, skip, wait_until};
+use common::{
+    BOX, Run, Running, Scratch, finish, is_running, outcome, signal, skip,
+    spawn, wait_until,
+};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
@@ -24,8 +25,8 @@ fn pt(place: &Scratch, arguments: &str) -> Run {
     place.line(&format!("-q {SCENE} {arguments}"))
 }
 
-fn spawn(place: &Scratch, arguments: &str) -> Child {
-    place.pt(&format!("-q {SCENE} {arguments}")).spawn().unwrap()
+fn begin(place: &Scratch, arguments: &str) -> Running {
+    spawn(&mut place.pt(&format!("-q {SCENE} {arguments}")))
 }
 
 fn steps(report: &Value) -> &[Value] {
@@ -147,9 +148,9 @@ fn an_error_limit_is_kept_and_said() {
 
 /// Starts a run without an end, and returns when its report has a step
 /// of at least so many samples.
-fn start(place: &Scratch, least: u64, arguments: &str) -> Child {
+fn start(place: &Scratch, least: u64, arguments: &str) -> Running {
     let run = format!("{FILES} -n1000000000 {arguments}");
-    let mut child = spawn(place, &run);
+    let mut child = begin(place, &run);
     let path = place.path("r.json");
     wait_until(&mut child, "report", || {
         path.exists() && spp(&place.json("r.json")) >= least
@@ -193,7 +194,7 @@ fn listens(id: u32) -> bool {
 /// A run of the box, when it listens to signals. Tracing stops at once, but
 /// so large an image is summarised and written for a while.
 /// None where the system does not tell which signals are caught.
-fn slow_to_write(place: &Scratch) -> Option<Child> {
+fn slow_to_write(place: &Scratch) -> Option<Running> {
     if fs::metadata("/proc/self/status").is_err() {
         skip("the system does not tell which signals are caught");
         return None;
@@ -203,8 +204,8 @@ fn slow_to_write(place: &Scratch) -> Option<Child> {
         "-q -ibox.obj -d2048x2048 -n2 --keep-all {FILES} --checkpoint=c \
          --every=0.001 --integrator=reference"
     );
-    let mut child = place.pt(&run).spawn().unwrap();
-    let id = child.id();
+    let mut child = spawn(&mut place.pt(&run));
+    let id = child.0.id();
     wait_until(&mut child, "handler", || listens(id));
     // A box is read and built in some milliseconds, if nobody else works.
     thread::sleep(Duration::from_millis(3000));
@@ -220,7 +221,7 @@ fn a_warning_may_come_again_and_is_not_the_first_of_two_signals() {
         thread::sleep(Duration::from_millis(200));
     }
     let start = Instant::now();
-    while child.try_wait().unwrap().is_none() {
+    while child.0.try_wait().unwrap().is_none() {
         signal("XCPU", &child);
         assert!(start.elapsed() < Duration::from_secs(60));
     }
@@ -243,7 +244,7 @@ fn a_second_signal_ends_the_program_at_once() {
         let Some(mut child) = slow_to_write(&place) else { return };
         signal(first, &child);
         let start = Instant::now();
-        while child.try_wait().unwrap().is_none() {
+        while child.0.try_wait().unwrap().is_none() {
             signal(second, &child);
             assert!(start.elapsed() < Duration::from_secs(30));
         }
@@ -272,7 +273,7 @@ fn a_signal_that_is_ignored_from_the_start_stays_ignored() {
     let mut command = place.command("sh");
     command.args(["-c", "trap '' HUP; exec \"$@\"", "sh"]);
     command.arg(plain.get_program()).args(plain.get_args());
-    let mut child = command.spawn().unwrap();
+    let mut child = spawn(&mut command);
     let report = place.path("r.json");
     let steps = || report.exists().then(|| spp(&place.json("r.json")));
     wait_until(&mut child, "report", || steps().is_some());
@@ -295,8 +296,8 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
         ("-d2048x1536", 130, "signal"),
         ("--time=1 -d1024x768 -f", 0, "time"),
     ] {
-        let mut child = place.pt(&format!("{all} {more}")).spawn().unwrap();
-        let id = child.id();
+        let mut child = spawn(&mut place.pt(&format!("{all} {more}")));
+        let id = child.0.id();
         if why == "signal" {
             wait_until(&mut child, "handler", || listens(id));
             thread::sleep(Duration::from_millis(1000));
@@ -324,7 +325,7 @@ fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
     signal("TERM", &child);
     let start = Instant::now();
     // The pipe stays open: nothing but the signal ends the program.
-    while child.try_wait().unwrap().is_none() {
+    while child.0.try_wait().unwrap().is_none() {
         assert!(start.elapsed() < Duration::from_secs(30));
         thread::sleep(Duration::from_millis(1));
     }
@@ -338,7 +339,7 @@ fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
 fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
     let place = Scratch::new();
     let mut child = start(&place, 10, "");
-    child.kill().unwrap();
+    child.0.kill().unwrap();
     finish(child);
     let report = place.json("r.json");
     assert_eq!(report["stopped"], Value::Null);
@@ -346,6 +347,46 @@ fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
     assert!(report["rmse"].as_f64() > Some(0.));
     assert!(report["rays"].as_u64() > Some(10 * 23 * 17));
     assert!(!place.path("a.exr").exists());
+}
+
+/// A test in a process that ignores what a terminal sends, as one that nohup
+/// or a script has begun.
+#[test]
+fn runs_heed_the_signals_that_their_test_ignores() {
+    let place = Scratch::new();
+    let test = "runs::a_signal_ends_the_run_with_its_image_and_report";
+    let mut command = place.command("sh");
+    command.args(["-c", "trap '' HUP INT QUIT; exec \"$@\"", "sh"]);
+    command.arg(env::current_exe().unwrap()).args(["--exact", test]);
+    let run = outcome(&mut command);
+    run.succeeded();
+    assert!(run.text().contains("1 passed"));
+}
+
+/// Whether its guard ends it, or the system, which does so whatever happens
+/// to the process of the test.
+#[test]
+#[cfg(target_os = "linux")]
+fn no_run_outlives_its_test() {
+    for is_guarded in [true, false] {
+        let (place, mut id) = (Scratch::new(), 0);
+        let test = || {
+            let child = start(&place, 1, "");
+            id = child.0.id();
+            assert!(!is_guarded, "as it should");
+            std::mem::forget(child);
+        };
+        let test = thread::scope(|scope| scope.spawn(test).join());
+        assert_eq!((test.is_err(), id > 0), (is_guarded, true));
+        let start = Instant::now();
+        while is_running(id) {
+            assert!(
+                start.elapsed() < Duration::from_secs(30),
+                "it runs on"
+            );
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
 }
 
 // ---------------------------------------------------------------- The places
@@ -607,7 +648,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
 fn a_preview_grows_while_the_image_is_rendered() {
     let place = Scratch::new();
     let files = "--preview -oa.png -oa.pfm -n1000000000";
-    let mut child = spawn(&place, files);
+    let mut child = begin(&place, files);
     let path = place.path("a.png");
     wait_until(&mut child, "preview", || path.exists());
     let whole = |png: &[u8]| png.ends_with(b"IEND\xae\x42\x60\x82");
@@ -625,7 +666,7 @@ fn a_signal_is_answered() {
     let place = Scratch::new();
     // To summarise so many pixels takes longer than to answer.
     let words = format!("{SCENE} {FILES} -n1000000000 -d1500x1500");
-    let mut child = place.pt(&words).spawn().unwrap();
+    let mut child = spawn(&mut place.pt(&words));
     let started = || place.path("r.json").exists();
     wait_until(&mut child, "report", started);
     signal("INT", &child);

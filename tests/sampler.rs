@@ -23,14 +23,6 @@ const SAMPLES: u32 = 1_000_000;
 /// bounces.
 const DIMENSIONS: usize = 41;
 
-/// Comparisons with a distribution in this file, which together give a false
-/// alarm with one percent of all seeds (Šidák): of single numbers, points and
-/// events; of all dimensions and pairs of dimensions, twice; and of the
-/// dimensions of related samples.
-const CHANCE: Chance = Chance(
-    20 + DIMENSIONS * (DIMENSIONS + 1) + 2 * RELATED.len() * DIMENSIONS,
-);
-
 /// The cell of `x`, from [0, 1), in a row of `n`.
 fn cell(x: f64, n: usize) -> usize {
     assert!((0. ..1.).contains(&x), "{x}");
@@ -78,6 +70,7 @@ fn frames_are_orthonormal_near_the_poles_as_well() {
 
 #[test]
 fn points_are_uniform_over_their_pixel() {
+    let chance = &mut Chance::default();
     for (i, n) in [(0, 1), (3, 7), (16383, 16384)] {
         let mut random = generator(1, u64::from(i), 0);
         let mut cells = vec![0; 1000];
@@ -85,7 +78,7 @@ fn points_are_uniform_over_their_pixel() {
             let x = within(i, n, random.random());
             cells[cell(x * f64::from(n) - f64::from(i), 1000)] += 1;
         }
-        CHANCE.uniform(&cells, &format!("pixel {i} of {n}"));
+        chance.uniform(&cells, &format!("pixel {i} of {n}"));
     }
 }
 
@@ -111,7 +104,7 @@ fn turns(x: f64, y: f64) -> f64 {
 /// cosine: 20 x 10 cells are equally probable, in the azimuth and in the
 /// square of the sine, as the direction itself has them.
 pub fn assert_cosine(
-    chance: &Chance,
+    chance: &mut Chance,
     normal: DVec3,
     count: u32,
     mut draw: impl FnMut() -> DVec3,
@@ -131,6 +124,7 @@ pub fn assert_cosine(
 
 #[test]
 fn directions_have_the_density_of_the_cosine() {
+    let chance = &mut Chance::default();
     let all = normals();
     let tilted = |tilt, z| DVec3::new(tilt, -tilt, z).normalize();
     for normal in [
@@ -146,7 +140,7 @@ fn directions_have_the_density_of_the_cosine() {
         all[1],
     ] {
         let mut random = Pcg64::seed_from_u64(3);
-        assert_cosine(&CHANCE, normal, SAMPLES, || {
+        assert_cosine(chance, normal, SAMPLES, || {
             cosine_direction(normal, random.random(), random.random())
         });
     }
@@ -199,6 +193,7 @@ type Naming = fn(u64) -> Name;
 
 #[test]
 fn each_dimension_is_uniform_alone_and_with_each_other() {
+    let chance = &mut Chance::default();
     let names: [(&str, Naming); 2] =
         [("a pixel", |i| (3, 77, i)), ("an image", |i| (3, i, 2))];
     for (what, name) in names {
@@ -206,14 +201,14 @@ fn each_dimension_is_uniform_alone_and_with_each_other() {
         for d in 0..DIMENSIONS {
             let mut alone = [0; 16];
             paths.iter().for_each(|path| alone[path[d]] += 1);
-            CHANCE.uniform(&alone, &format!("{what}: dimension {d}"));
+            chance.uniform(&alone, &format!("{what}: dimension {d}"));
             for e in 0..d {
                 let mut both = [0; 256];
                 for path in &paths {
                     both[path[d] * 16 + path[e]] += 1;
                 }
                 let what = format!("{what}: dimensions {d} and {e}");
-                CHANCE.uniform(&both, &what);
+                chance.uniform(&both, &what);
             }
         }
     }
@@ -252,7 +247,7 @@ pub const RELATED: [(&str, Pair); 8] = [
 /// Demands that related samples, whose cells are given, are independent: in
 /// each dimension, and in each and the next.
 pub fn assert_unrelated<const N: usize>(
-    chance: &Chance,
+    chance: &mut Chance,
     cells: impl Fn(Name) -> [usize; N],
 ) {
     for (what, pair) in RELATED {
@@ -272,7 +267,7 @@ pub fn assert_unrelated<const N: usize>(
 
 #[test]
 fn related_samples_are_independent_in_each_dimension() {
-    assert_unrelated(&CHANCE, cells);
+    assert_unrelated(&mut Chance::default(), cells);
 }
 
 #[test]

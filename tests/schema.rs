@@ -193,7 +193,7 @@ fn the_command_of_a_report_can_be_typed_again() {
     assert!(!report["processor"].as_str().unwrap().is_empty());
     std::fs::remove_file(place.path("a.pgm")).unwrap();
     let mut shell = place.command("sh");
-    shell.args(["-c", report["command"].as_str().unwrap()]);
-    assert!(shell.status().unwrap().success());
+    let command = report["command"].as_str().unwrap();
+    common::outcome(shell.args(["-c", command])).succeeded();
     assert_eq!(place.get("a.pgm"), image);
 }

@@ -4,7 +4,8 @@
 //! Values at points, vertices and on faces, under both skies and above a
 //! ground, with materials; and their tables.
 
-use crate::common::{BOX, Scratch};
+use crate::chance::Chance;
+use crate::common::{BOX, Scratch, obj};
 
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -20,38 +21,10 @@ use litpt::sky::{Cover, Sky};
 use litpt_book::closed_forms::{cavity, polygon_share};
 use rand::RngExt;
 use serde_json::Value;
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
 #[allow(dead_code)]
 #[path = "../examples/occlusion.rs"]
 mod occlusion;
-
-/// Values of this file that are compared with what is known.
-const JUDGED: i32 = 800;
-
-/// Demands that a value, the mean of so many replicates, could be the right
-/// one: of all in this file, one percent of seeds would fail (Šidák).
-#[track_caller]
-fn judge([value, error]: [f64; 2], exact: f64, replicates: f64) {
-    let law = StudentsT::new(0., 1., replicates - 1.).unwrap();
-    let least = 1. - 0.99f64.powf(1. / f64::from(JUDGED));
-    let z = (value - exact).abs() / error.max(1e-9);
-    let p = 2. * law.sf(z);
-    assert!(p > least, "{value} ± {error}, not {exact} (p = {p:e})");
-}
-
-/// The text of a mesh.
-fn obj(mesh: &Mesh) -> String {
-    let mut text = String::new();
-    for p in &mesh.vertices {
-        writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap();
-    }
-    for corners in &mesh.triangles {
-        let [a, b, c] = corners.map(|i| i + 1);
-        writeln!(text, "f {a} {b} {c}").unwrap();
-    }
-    text
-}
 
 /// The last columns of a CSV, value and error, and its head.
 fn values(csv: &[u8]) -> (String, Vec<[f64; 2]>) {
@@ -107,6 +80,7 @@ fn a_surface_gets_the_integral_of_the_sky() {
 
 #[test]
 fn points_in_the_open_get_what_sky_and_ground_give() {
+    let chance = &mut Chance::default();
     let place = Scratch::new();
     place.put("speck.obj", SPECK);
     place.put("points.txt", list(&normals()));
@@ -129,7 +103,7 @@ fn points_in_the_open_get_what_sky_and_ground_give() {
             for (value, normal) in found.into_iter().zip(normals()) {
                 let from_below = ground * (0.5 - 0.5 * normal.z);
                 let exact = sky.share(normal) + from_below;
-                judge(value, exact, 16.);
+                chance.judge(value, exact, 16.);
             }
         }
     }
@@ -168,6 +142,7 @@ fn painted_sphere(place: &Scratch) -> [f64; 2] {
 
 #[test]
 fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
+    let chance = &mut Chance::default();
     let place = Scratch::new();
     let parts = painted_sphere(&place);
     place.put("point.csv", "x,y,z,nx,ny,nz\n0,0,-0.9,0,0,1\n");
@@ -190,7 +165,7 @@ fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
             // Half of the walls that the point sees are dark.
             let up = polygon_share(POINT, DVec3::Z, &rim(0.2));
             let seen = (1. - up) * exact * (0.9 + dark) / 2. + up;
-            judge(found[0], seen, 16.);
+            chance.judge(found[0], seen, 16.);
         }
     }
 }
@@ -212,6 +187,7 @@ fn rim(f: f64) -> Vec<DVec3> {
 /// Two walls at the sides of a street, and boxes' faces.
 #[test]
 fn a_face_sees_the_sky_beside_an_opposite_wall() {
+    let chance = &mut Chance::default();
     let place = Scratch::new();
     place.put(
         "street.obj",
@@ -235,23 +211,62 @@ fn a_face_sees_the_sky_beside_an_opposite_wall() {
         let wall = wall.map(|(y, z)| DVec3::new(2., y, z));
         hidden += polygon_share(p, DVec3::X, &wall) / 400.;
     }
-    judge(found[0], 0.5 - hidden, 16.);
-    judge(found[1], 0.5, 16.);
+    chance.judge(found[0], 0.5 - hidden, 16.);
+    chance.judge(found[1], 0.5, 16.);
     assert!(found[4..].iter().flatten().all(|x| x.is_nan()));
 }
 
+/// A pyramid whose sides are equilateral triangles.
+const PYRAMID: &str = "\
+v 1 1 0\nv -1 1 0\nv -1 -1 0\nv 1 -1 0\nv 0 0 1.4142135623730951\n\
+f 4 3 2 1\nf 5 1 2\nf 5 2 3\nf 5 3 4\nf 5 4 1\n";
+
+/// A floor and two walls that meet in the origin.
+const CORNER: &str = "\
+v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 0 2 2\nv 0 0 2\nv 2 0 2\n\
+f 1 2 3 4\nf 1 4 5 6\nf 1 6 7 2\n";
+
+/// Two slopes of 2 that meet along the y axis.
+const VALLEY: &str = "\
+v 0 0 0\nv 0 -3 0\nv 0 3 0\nv 1 -3 2\nv 1 3 2\nv -1 -3 2\nv -1 3 2\n\
+f 1 2 4\nf 1 4 5\nf 1 5 3\nf 1 6 2\nf 1 7 6\nf 1 3 7\n";
+
+// Nothing hides the half space around a normal of a convex solid. In a corner
+// an octant is seen, and in a valley what is steeper than its slopes.
 #[test]
-fn a_vertex_has_the_normal_between_its_faces() {
+fn a_vertex_gets_the_light_around_the_normal_between_its_faces() {
+    let chance = &mut Chance::default();
     let place = Scratch::new();
-    // A box from outside, whose corners see an eighth less.
-    place.put("box.obj", BOX);
-    let run = place.free("box.obj --vertices -r0 -n4096 -oa.csv -ob.obj");
-    run.succeeded();
-    let (head, found) = values(&place.get("a.csv"));
-    assert!(head.starts_with("vertex,x,y,z,irradiance"));
-    assert_eq!(found.len(), 8);
-    let mesh = read_obj(&place.get("b.obj")).unwrap();
-    assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (8, 12));
+    let open = |n: DVec3| 0.5 + 0.5 * n.normalize().z;
+    let [top, bottom] = [1., -1.].map(|z| open(DVec3::new(1., 1., z)));
+    // At its foot the base has an angle of 90 degrees, and two sides of 60.
+    let sides = DVec3::new(2f64.sqrt(), 2f64.sqrt(), 2.) / 3f64.sqrt();
+    let foot = open(60. * sides - 90. * DVec3::Z);
+    let cube = BOX.replace("f 1 2 3 4\n", "f 4 3 2 1\n");
+    let corners = [[bottom; 4], [top; 4]].concat();
+    for (text, exact) in [
+        (&*cube, &corners[..]),
+        (PYRAMID, &[foot, foot, foot, foot, 1.]),
+        (CORNER, &[0.1875f64.sqrt()]),
+        (VALLEY, &[0.2f64.sqrt()]),
+    ] {
+        place.put("a.obj", text);
+        for method in ["reference", "sobol", "gather"] {
+            let run = place.free(&format!(
+                "a.obj --vertices -r0 -n4096 --integrator={method} -f \
+                 -oa.csv -ob.obj"
+            ));
+            run.succeeded();
+            let (head, found) = values(&place.get("a.csv"));
+            assert!(head.starts_with("vertex,x,y,z,irradiance"));
+            for (i, &exact) in exact.iter().enumerate() {
+                chance.judge(found[i], exact, 16.);
+            }
+            let mesh = read_obj(&place.get("b.obj")).unwrap();
+            let plain = read_obj(text.as_bytes()).unwrap();
+            assert_eq!(mesh.triangles, plain.triangles);
+        }
+    }
 }
 
 #[test]
@@ -329,6 +344,7 @@ fn receivers_have_tables_and_no_images() {
 #[test]
 fn under_a_whole_sphere_a_vertex_has_what_its_occlusion_leaves() {
     let place = Scratch::new();
+    let chance = &mut Chance::default();
     let value = |row: &str, columns: usize| -> [f64; 2] {
         let row = row.split(',').skip(columns).take(2);
         row.map(|word| word.parse().unwrap()).collect::<Vec<_>>()[..]
@@ -352,13 +368,13 @@ fn under_a_whole_sphere_a_vertex_has_what_its_occlusion_leaves() {
         f 2 1 4\nf 2 4 5\nf 2 5 3\nf 2 6 1\nf 2 7 6\nf 2 3 7\n";
     place.put("valley.obj", valley);
     let edge = value(&rows("valley.obj --vertices -r0 -n4096")[1], 4);
-    judge([edge[0], edge[1].hypot(1e-3)], 0.5f64.sqrt(), 16.);
+    chance.judge([edge[0], edge[1].hypot(1e-3)], 0.5f64.sqrt(), 16.);
     // White surfaces: light of radiance 1 goes everywhere, with every method.
     place.put("p.txt", "0 1 0 0 0 1\n0 1 0 1 2 -3\n0 3 -0.5 0 0 -1\n");
     for method in ["reference", "sobol", "gather"] {
         let method = format!("--integrator={method}");
         for row in rows(&format!("room.obj --points p.txt -n64 {method}")) {
-            judge(value(&row, 6), 1., 16.);
+            chance.judge(value(&row, 6), 1., 16.);
         }
     }
     // The example traces the same rays by itself.
@@ -370,7 +386,7 @@ fn under_a_whole_sphere_a_vertex_has_what_its_occlusion_leaves() {
         let [value, error] = value(row, 4);
         // Its 256 directions are a net, which errs less than chance would.
         let theirs_error = (theirs * (1. - theirs) / 256.).sqrt();
-        judge([value, error.hypot(theirs_error)], theirs, 16.);
+        chance.judge([value, error.hypot(theirs_error)], theirs, 16.);
     }
 }
 
@@ -571,6 +587,7 @@ fn materials_are_not_ignored_without_a_word() {
 // a name of blanks and brackets, and with normals, textures and panes.
 #[test]
 fn a_model_of_four_hundred_materials_is_read_as_it_is() {
+    let chance = &mut Chance::default();
     let place = Scratch::new();
     let (mut text, mut library) =
         (String::from("mtllib an ifc.mtl\r\n"), String::new());
@@ -619,7 +636,7 @@ fn a_model_of_four_hundred_materials_is_read_as_it_is() {
     );
     let run = place.free("ifc.obj --points grid.pts --materials -n4096");
     let (_, found) = values(&run.stdout);
-    judge(found[0], 1., 16.);
+    chance.judge(found[0], 1., 16.);
     // Below is the tile 42, whose part of the directions is a closed form.
     let tile = [(4., 4.), (4., 5.), (5., 5.), (5., 4.)];
     let tile = tile.map(|(x, y)| DVec3::new(x, y, 0.));
@@ -633,6 +650,7 @@ fn a_model_of_four_hundred_materials_is_read_as_it_is() {
 // and inside out.
 #[test]
 fn blocks_that_are_inside_out_have_values_on_their_backs() {
+    let chance = &mut Chance::default();
     let place = Scratch::new();
     let corner = DVec3::new(690_000.25, 5_336_000.5, 512.);
     for (name, shift) in [("near.obj", DVec3::ZERO), ("far.obj", corner)] {
@@ -660,11 +678,11 @@ fn blocks_that_are_inside_out_have_values_on_their_backs() {
     for (near, far) in near.iter().zip(&far) {
         // Their rays are the same to the last bits of the coordinates.
         let error = near[1].hypot(far[1]);
-        judge([near[0] - far[0], error], 0., 16.);
+        chance.judge([near[0] - far[0], error], 0., 16.);
         assert!(near[0] > 0.3 && far[0] > 0.3);
     }
     // Roofs see the sky alone, and the inside of a block sees none.
-    judge(near[4], 1., 16.);
+    chance.judge(near[4], 1., 16.);
     let inside = run("near.obj --faces=front");
     assert!(inside.iter().all(|[value, _]| *value < 0.3), "{inside:?}");
 }
@@ -672,6 +690,7 @@ fn blocks_that_are_inside_out_have_values_on_their_backs() {
 // The floor is darker than the walls.
 #[test]
 fn a_room_without_a_ceiling_is_lit_as_radiosity_says() {
+    let chance = &mut Chance::default();
     let place = Scratch::new();
     let text = BOX.replace("f 5 6 7 8\n", "");
     let text = text.replace("f 1 2 3 4\n", "g floor\nf 1 2 3 4\ng wall\n");
@@ -689,7 +708,7 @@ fn a_room_without_a_ceiling_is_lit_as_radiosity_says() {
             // Of 24 and 32 patches a side, 0.29676 and 0.30081 are left.
             let exact = fine[kind] + (fine[kind] - coarse[kind]) / 3.;
             assert!((exact - [0.29676, 0.30081][kind]).abs() < 5e-5);
-            judge(inside, exact, 16.);
+            chance.judge(inside, exact, 16.);
         }
     }
 }
@@ -815,6 +834,7 @@ fn seen_among(
 
 #[test]
 fn the_faces_of_a_street_see_what_rays_among_boxes_see() {
+    let chance = &mut Chance::default();
     let place = Scratch::new();
     let script =
         concat!(env!("CARGO_MANIFEST_DIR"), "/doc/examples/street.sh");
@@ -836,7 +856,7 @@ fn the_faces_of_a_street_see_what_rays_among_boxes_see() {
         let exact = seen_among(&boxes, face / 5, face % 5, rays);
         let spread = (exact * (1. - exact) / f64::from(rays)).sqrt();
         let error = (error * error + spread * spread).sqrt();
-        judge([value, error], exact, 16.);
+        chance.judge([value, error], exact, 16.);
     }
 }
 

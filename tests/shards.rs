@@ -9,7 +9,7 @@ use crate::common;
 use std::fs;
 use std::sync::Arc;
 
-use common::{Run, Scratch, finish, signal, wait_until};
+use common::{Run, Scratch, finish, signal, spawn, wait_until};
 use litpt::film::{SIDE, Window};
 use litpt::image::Image;
 use litpt::state::checkpoint::{Checkpoint, save};
@@ -351,8 +351,8 @@ fn a_part_that_is_stopped_is_missing_its_rest_and_can_be_resumed() {
         place.done(&format!("{VIEW} {run} {A}"));
         part(&place, "1.litpt", &format!("{run} --samples=0..512"));
         let shard = "--samples=512..1024 -o2.litpt --every=0.001";
-        let mut shard = place.pt(&format!("{VIEW} {run} {shard}"));
-        let mut child = shard.spawn().unwrap();
+        let shard = format!("{VIEW} {run} {shard}");
+        let mut child = spawn(&mut place.pt(&shard));
         let state = place.path("2.litpt");
         wait_until(&mut child, "state", || state.exists());
         signal("INT", &child);
@@ -417,7 +417,7 @@ fn two_runs_in_one_directory_do_not_take_each_other_s_state() {
     let runs = ["0..1000", "1000..2000"].map(|range| {
         let run = "-q -iroom.obj -d40x50 -n2000 -oa.litpt";
         let part = format!("--integrator=reference --samples {range}");
-        place.pt(&format!("{run} {part}")).spawn().unwrap()
+        spawn(&mut place.pt(&format!("{run} {part}")))
     });
     let runs = runs.map(finish);
     let succeeded = runs.iter().filter(|run| run.status == Some(0));

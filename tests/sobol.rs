@@ -4,7 +4,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use crate::chance;
-use crate::sampler::{RELATED, assert_unrelated};
+use crate::sampler::assert_unrelated;
 
 use chance::Chance;
 use glam::DVec3;
@@ -15,12 +15,6 @@ use litpt::sampler::sobol::{ScrambledNet, SobolSampler, scramble_key};
 use litpt::sampler::{IndependentSampler, Sampler, dimension, to_unit};
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{Setting, look};
-
-/// Comparisons with a distribution in this file, which together give a false
-/// alarm with one percent of all seeds (Šidák): of digits, of two coordinates,
-/// of related samples, of variances over scrambles, and of images.
-const CHANCE: Chance =
-    Chance(4 * 3 + 12 + 14 * RELATED.len() + 3 + 4 * 3 + 2 + 2);
 
 /// All four coordinates of a point.
 fn point(net: &ScrambledNet, key: u64, i: u32) -> [u32; 4] {
@@ -113,6 +107,7 @@ const SCRAMBLES: u64 = 1 << 16;
 
 #[test]
 fn each_point_is_uniform_over_its_first_and_last_digits() {
+    let chance = &mut Chance::default();
     // Points of no, one, and two trees of digits.
     for (points, i) in [(1, 0), (64, 0), (64, 37), (4096, 2901)] {
         let net = ScrambledNet::new(points);
@@ -126,7 +121,7 @@ fn each_point_is_uniform_over_its_first_and_last_digits() {
             }
         }
         for (cells, what) in cells.iter().zip(["first", "middle", "last"]) {
-            CHANCE.uniform(cells, &format!("{what} of {i} of {points}"));
+            chance.uniform(cells, &format!("{what} of {i} of {points}"));
         }
     }
 }
@@ -135,6 +130,7 @@ fn each_point_is_uniform_over_its_first_and_last_digits() {
 // digits, and of the last.
 #[test]
 fn the_coordinates_of_a_point_are_independent_of_each_other() {
+    let chance = &mut Chance::default();
     let net = ScrambledNet::new(64);
     let mut first = vec![vec![0; 1024]; 6];
     let mut last = vec![vec![0; 1024]; 6];
@@ -147,7 +143,7 @@ fn the_coordinates_of_a_point_are_independent_of_each_other() {
         }
     }
     for cells in first.into_iter().chain(last) {
-        CHANCE.uniform(&cells, "two coordinates");
+        chance.uniform(&cells, "two coordinates");
     }
 }
 
@@ -164,13 +160,14 @@ fn numbers(sampler: &SobolSampler, pixel: u64, index: u64) -> [usize; 7] {
 
 #[test]
 fn samples_of_different_scrambles_are_independent_in_each_dimension() {
-    assert_unrelated(&CHANCE, |(seed, pixel, n)| {
+    assert_unrelated(&mut Chance::default(), |(seed, pixel, n)| {
         numbers(&SobolSampler::new(seed, 16), pixel, 16 * n + n % 16)
     });
 }
 
 #[test]
 fn later_dimensions_are_independent_within_a_scramble() {
+    let chance = &mut Chance::default();
     let sampler = SobolSampler::new(2, 16);
     let mut counts = [[0; 256]; 3];
     for i in 0..SCRAMBLES {
@@ -180,7 +177,7 @@ fn later_dimensions_are_independent_within_a_scramble() {
         }
     }
     for counts in counts {
-        CHANCE.uniform(&counts, "a later dimension");
+        chance.uniform(&counts, "a later dimension");
     }
 }
 
@@ -229,6 +226,7 @@ fn coordinates_lie_strictly_between_zero_and_one() {
 // moment is 3 - 1.2/n times the square of that.
 #[test]
 fn the_coordinates_of_a_net_are_independent_within_their_strata() {
+    let chance = &mut Chance::default();
     const N: u64 = 16384;
     for n in [1u32, 16, 256] {
         let net = ScrambledNet::new(u64::from(n));
@@ -249,7 +247,7 @@ fn the_coordinates_of_a_net_are_independent_within_their_strata() {
         let spread = ((2. - 1.2 / f64::from(n)) / N as f64).sqrt();
         for (d, square) in squares.into_iter().enumerate() {
             let what = format!("coordinate {d} of {n} points");
-            CHANCE.normal((square - 1.) / spread, &what);
+            chance.normal((square - 1.) / spread, &what);
         }
     }
 }
@@ -300,12 +298,13 @@ fn slope_and_corner() -> [(Mesh, f64); 2] {
 
 #[test]
 fn the_path_tracer_finds_known_radiances_with_smaller_errors() {
+    let chance = &mut Chance::default();
     // How much smaller the variance of 64 samples is at least.
     for ((mesh, exact), gain) in slope_and_corner().iter().zip([4., 2.]) {
         let [_, _, plain] = render(mesh, 0., IndependentSampler::new(1));
         let [mean, error, variance] =
             render(mesh, 0., SobolSampler::new(1, 64));
-        CHANCE.normal((mean - exact) / error, "mean of an image");
+        chance.normal((mean - exact) / error, "mean of an image");
         assert!(gain * variance < plain, "{variance} of {plain}");
     }
 }
@@ -315,6 +314,7 @@ fn the_path_tracer_finds_known_radiances_with_smaller_errors() {
 /// subtracted, the mean is right.
 #[test]
 fn the_sky_is_a_control_variate_whose_mean_is_known() {
+    let chance = &mut Chance::default();
     let [(slope, bright), (corner, exact)] = slope_and_corner();
     let image =
         |mesh, control| render(mesh, control, IndependentSampler::new(2));
@@ -323,6 +323,6 @@ fn the_sky_is_a_control_variate_whose_mean_is_known() {
     assert!(variance < 1e-20, "{variance}");
     for control in [0.5, 1.] {
         let [mean, error, _] = image(&corner, control);
-        CHANCE.normal((mean - exact) / error, "control");
+        chance.normal((mean - exact) / error, "control");
     }
 }

@@ -7,11 +7,13 @@
 #[path = "../../tests/common/mod.rs"]
 mod common;
 
-use std::process::{Child, Command};
+use std::process::Command;
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
-use common::{Run, Scratch, finish, wait_until};
+use common::{
+    Run, Running, Scratch, finish, is_running, spawn, wait_until,
+};
 use litpt::image::Image;
 use litpt::state::checkpoint::Checkpoint;
 use litpt::state::shards::merge;
@@ -32,7 +34,7 @@ fn ranks(place: &Scratch, n: usize, arguments: &str) -> Command {
 fn run(place: &Scratch, n: usize, arguments: &str) -> Run {
     let mut command = ranks(place, n, arguments);
     let input = fs::File::open(place.path("room.obj")).unwrap();
-    finish(command.stdin(input).spawn().unwrap())
+    common::outcome(command.stdin(input))
 }
 
 fn same(place: &Scratch, what: &str) {
@@ -113,7 +115,7 @@ fn a_time_limit_ends_all_ranks() {
 fn ranks_stop_while_they_learn() {
     let place = Scratch::new();
     let long = "-d2000x2000 -n64 --integrator=gather -oa.pfm";
-    let child = ranks(&place, 2, long).spawn().unwrap();
+    let child = spawn(&mut ranks(&place, 2, long));
     thread::sleep(Duration::from_secs(2));
     let ranks = processes(&child);
     kill("-STOP", ranks[1]);
@@ -146,8 +148,8 @@ fn what_is_wrong_is_said_once() {
 }
 
 /// The processes of the ranks, in their order.
-fn processes(run: &Child) -> Vec<u32> {
-    let id = run.id();
+fn processes(run: &Running) -> Vec<u32> {
+    let id = run.0.id();
     let children = format!("/proc/{id}/task/{id}/children");
     let children = fs::read_to_string(children).unwrap();
     children.split_whitespace().map(|id| id.parse().unwrap()).collect()
@@ -159,15 +161,11 @@ fn kill(name: &str, process: u32) {
     assert!(status.unwrap().success());
 }
 
-fn is_running(process: &u32) -> bool {
-    fs::read_link(format!("/proc/{process}/exe")).is_ok()
-}
-
 /// A run of three ranks that has saved its state at least once.
-fn under_way(place: &Scratch) -> Child {
+fn under_way(place: &Scratch) -> Running {
     let saved = "--checkpoint=c.ck --every=0.2 -n1000000000 -oa.pfm";
     let saved = format!("{saved} --integrator=reference");
-    let mut child = ranks(place, 3, &saved).spawn().unwrap();
+    let mut child = spawn(&mut ranks(place, 3, &saved));
     wait_until(&mut child, "checkpoint", || place.path("c.ck").exists());
     thread::sleep(Duration::from_millis(300));
     child
@@ -198,7 +196,7 @@ fn a_run_that_is_ended_by_force_goes_on() {
         let child = under_way(&place);
         let ranks = processes(&child);
         assert_eq!(ranks.len(), 3);
-        let id = rank.map_or(child.id(), |rank: usize| ranks[rank]);
+        let id = rank.map_or(child.0.id(), |rank: usize| ranks[rank]);
         kill(name, id);
         let run = finish(child);
         match (name, rank) {
@@ -212,7 +210,7 @@ fn a_run_that_is_ended_by_force_goes_on() {
         }
         // All ranks are gone soon.
         let start = Instant::now();
-        while ranks.iter().any(is_running) {
+        while ranks.iter().any(|&id| is_running(id)) {
             assert!(start.elapsed() < Duration::from_secs(30), "remain");
             thread::sleep(Duration::from_millis(20));
         }

@@ -14,7 +14,7 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use common::{Outcome, Scratch, links, run, shell};
+use common::{Outcome, Scratch, links, run, shell, skip};
 
 const MASTER: &str = r"\documentclass{article}
 \usepackage{noweb}
@@ -313,6 +313,9 @@ fn latex_takes_every_special_character_in_a_name() {
     if Path::new(style).exists() {
         let document = SPECIAL.replace("{noweb}", "{litpt}");
         styles.push(document.replace("{article}", "{memoir}"));
+    }
+    if !has_latex || styles.len() < 2 {
+        skip("LaTeX, or the style of noweb or litpt, is not installed");
     }
     for document in styles.iter().filter(|_| has_latex) {
         let book = Scratch::new();

@@ -8,7 +8,8 @@
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io::{Read, Write};
+use std::io::{self, Read, Write};
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::thread;
@@ -114,6 +115,8 @@ impl Scratch {
         command.env("RUST_BACKTRACE", "0").env("TERM", "xterm");
         command.stdin(Stdio::null());
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        // SAFETY: a signal handler may call what is called here.
+        unsafe { command.pre_exec(shed_what_is_inherited) };
         command
     }
 
@@ -127,18 +130,17 @@ impl Scratch {
 
     /// Runs `pt` to its end.
     pub fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Run {
-        finish(self.pt("").args(arguments).spawn().unwrap())
+        outcome(self.pt("").args(arguments))
     }
 
     /// Runs `pt` with the words of a line.
     pub fn line(&self, line: &str) -> Run {
-        finish(self.pt(line).spawn().unwrap())
+        outcome(&mut self.pt(line))
     }
 
     /// Runs `pt` with the words of a line, and no camera.
     pub fn free(&self, line: &str) -> Run {
-        let mut command = self.command(PT);
-        finish(command.args(line.split_whitespace()).spawn().unwrap())
+        outcome(self.command(PT).args(line.split_whitespace()))
     }
 
     /// Runs `pt` with the words of a line, which is a success.
@@ -150,10 +152,9 @@ impl Scratch {
 
     /// Runs `pt` under a limit of the shell.
     pub fn within(&self, limit: &str, arguments: &str) -> Run {
-        let run = format!("exec \"$0\" -p0,0,0 {arguments}");
-        let script = format!("ulimit {limit}; {run}");
-        let mut command = self.command("sh");
-        finish(command.args(["-c", &script, PT]).spawn().unwrap())
+        let pt = format!("exec \"$0\" -p0,0,0 {arguments}");
+        let script = format!("ulimit {limit}; {pt}");
+        outcome(self.command("sh").args(["-c", &script, PT]))
     }
 
     /// The command `ptimg` with the words of a line.
@@ -165,7 +166,7 @@ impl Scratch {
 
     /// Runs `ptimg` to its end.
     pub fn ptimg(&self, line: &str) -> Run {
-        finish(self.companion(line).spawn().unwrap())
+        outcome(&mut self.companion(line))
     }
 
     /// Runs `pt` with `input` on its standard input.
@@ -194,27 +195,63 @@ pub struct Run {
     pub stderr: String,
 }
 
+/// A child that does not outlive its test, however that ends.
+pub struct Running(pub Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Neither does anything to a child that has been waited for.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Called in a child: no signal is ignored there because somebody has started
+/// the tests so (nohup, a script's job), and Linux kills it when the thread
+/// that has started it ends. That is the thread of its test.
+fn shed_what_is_inherited() -> io::Result<()> {
+    use libc::*;
+    let signals = [SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGUSR1, SIGUSR2];
+    for signal in signals.into_iter().chain([SIGXCPU, SIGXFSZ]) {
+        // SAFETY: it has no other threads.
+        unsafe { libc::signal(signal, SIG_DFL) };
+    }
+    #[cfg(target_os = "linux")]
+    // SAFETY: it touches no memory.
+    unsafe {
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+    }
+    Ok(())
+}
+
+/// Starts a command.
+pub fn spawn(command: &mut Command) -> Running {
+    Running(command.spawn().unwrap())
+}
+
+/// Runs a command to its end.
+pub fn outcome(command: &mut Command) -> Run {
+    finish(spawn(command))
+}
+
 /// Runs a command with `input` on its standard input.
 pub fn feed(mut command: Command, input: &[u8]) -> Run {
-    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
-    child.stdin.take().unwrap().write_all(input).unwrap();
+    let mut child = spawn(command.stdin(Stdio::piped()));
+    child.0.stdin.take().unwrap().write_all(input).unwrap();
     finish(child)
 }
 
 /// Waits for a child and collects what it wrote.
-pub fn finish(mut child: Child) -> Run {
-    drop(child.stdin.take());
-    let stdout = collect(child.stdout.take());
-    let stderr = collect(child.stderr.take());
+pub fn finish(mut child: Running) -> Run {
+    drop(child.0.stdin.take());
+    let stdout = collect(child.0.stdout.take());
+    let stderr = collect(child.0.stderr.take());
     let start = Instant::now();
     let status = loop {
-        if let Some(status) = child.try_wait().unwrap() {
+        if let Some(status) = child.0.try_wait().unwrap() {
             break status;
         }
-        if start.elapsed() > PATIENCE {
-            child.kill().unwrap();
-            panic!("the program has not ended in {PATIENCE:?}");
-        }
+        assert!(start.elapsed() < PATIENCE, "no end in {PATIENCE:?}");
         thread::sleep(Duration::from_millis(1));
     };
     let stderr = String::from_utf8(stderr.join().unwrap()).unwrap();
@@ -235,28 +272,37 @@ fn collect(
 }
 
 /// Starts a command that reads a scene, and returns when it has begun.
-pub fn keep_reading(mut command: Command) -> Child {
-    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+pub fn keep_reading(mut command: Command) -> Running {
+    let mut child = spawn(command.stdin(Stdio::piped()));
     // More than any pipe holds: the write ends when somebody reads.
     let comment = "# nothing to see here, read on\n".repeat(1 << 16);
-    let stdin = child.stdin.as_mut().unwrap();
+    let stdin = child.0.stdin.as_mut().unwrap();
     stdin.write_all(comment.as_bytes()).unwrap();
     child
 }
 
 /// Waits until a running program has come as far as the test needs it.
-pub fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
+pub fn wait_until(
+    child: &mut Running,
+    what: &str,
+    done: impl Fn() -> bool,
+) {
     let start = Instant::now();
     while !done() {
-        assert!(child.try_wait().unwrap().is_none(), "ended, no {what}");
+        assert!(child.0.try_wait().unwrap().is_none(), "ended, no {what}");
         assert!(start.elapsed() < PATIENCE, "no {what}");
         thread::sleep(Duration::from_millis(1));
     }
 }
 
+/// Whether a process of this number is there, on Linux.
+pub fn is_running(process: u32) -> bool {
+    fs::read_link(format!("/proc/{process}/exe")).is_ok()
+}
+
 /// Sends a signal, which fails if the program has ended.
-pub fn signal(name: &str, child: &Child) {
-    let script = format!("kill -{name} {}", child.id());
+pub fn signal(name: &str, child: &Running) {
+    let script = format!("kill -{name} {}", child.0.id());
     let mut command = Command::new("sh");
     let status = command.args(["-c", &script]).stderr(Stdio::null());
     let _ = status.status().unwrap();
@@ -316,7 +362,11 @@ pub fn pgm(bytes: &[u8]) -> (u32, u32, Vec<u16>) {
     (width.parse().unwrap(), height.parse().unwrap(), levels.collect())
 }
 
-/// Says on the test's output why a test could not be made here.
+/// Says why this test, or a part of it, could not be made here: past the
+/// capture of its output, so that .ci/run sees whether such tests become more.
 pub fn skip(why: &str) {
-    eprintln!("note: skipped, {why}");
+    let thread = thread::current();
+    let line =
+        format!("skipped: {}: {why}\n", thread.name().unwrap_or("?"));
+    io::stderr().write_all(line.as_bytes()).unwrap();
 }

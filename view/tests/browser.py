@@ -16,16 +16,31 @@ permitted in any medium without royalty provided the copyright notice and this
 notice are preserved. This file is offered as-is, without any warranty.
 """
 import base64
+import ctypes
 import http.client
 import json
 import os
 import shlex
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
+
+
+LIBC = ctypes.CDLL(None)
+PR_SET_PDEATHSIG = 1
+
+
+def shed_what_is_inherited():
+    """In a child: no signal is ignored because this script was started so, and
+    Linux kills it when this script ends, however it does."""
+    for number in signal.SIGHUP, signal.SIGINT, signal.SIGTERM:
+        signal.signal(number, signal.SIG_DFL)
+    if sys.platform == 'linux':
+        LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 class Browser:
@@ -35,6 +50,7 @@ class Browser:
         ours, theirs = os.pipe(), os.pipe()
 
         def place():
+            shed_what_is_inherited()
             # The browser reads from 3 and writes to 4.
             ends = os.dup(ours[0]), os.dup(theirs[1])
             os.dup2(ends[0], 3)
@@ -292,7 +308,8 @@ def rates(browser, viewer, address, scene):
 def serve(program, words, chromium, work, *more):
     """Works with a page of ptview in a browser."""
     viewer = subprocess.Popen([program, *words], stdout=subprocess.PIPE,
-                              text=True, env={**os.environ, 'DISPLAY': ''})
+                              text=True, env={**os.environ, 'DISPLAY': ''},
+                              preexec_fn=shed_what_is_inherited)
     try:
         address = viewer.stdout.readline().strip()
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
@@ -313,7 +330,7 @@ def main():
         sys.exit(__doc__.partition('\n\nCopyright')[0])
     chromium = shutil.which('chromium') or shutil.which('google-chrome')
     if not chromium:
-        print('ptview was not driven: there is no Chromium')
+        print('skipped: browser.py: there is no Chromium')
         sys.exit(77)
     if sys.argv[1] == '--rates':
         print('scene,images_a_second,width,first_whole_seconds,megabytes')
