@@ -22,12 +22,12 @@ use similar::{Algorithm, DiffTag, capture_diff_slices};
 use crate::Streams;
 use crate::cpif::replace;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, Position, Source, bytes_of, checked,
-    shown, text_of,
+    Diagnostic, Faults, Place, Source, bytes_of, checked, text_of,
 };
 use crate::markup::begins_docs;
 use crate::project::{
-    Expansion, Project, expand_sources, hash, is_edited, parse,
+    Expansion, Project, conflicts, edit_fault, expand_sources, hash,
+    is_edited, parse, with_ends,
 };
 use crate::tangle::{Layout, Segment, Tangled, tangle};
 use crate::web::Web;
@@ -75,6 +75,8 @@ impl Project {
             if !is_edited(&text, &tangled.text, last) {
                 continue;
             }
+            let text = with_ends(&text, tangled.text.ends_with(b"\r\n"));
+            faults.extend(conflicts(path, &text));
             if last != Some(&hash(&tangled.text)) {
                 faults.push(changed_twice(path, &tangled.text, &text));
             }
@@ -298,12 +300,6 @@ impl<'a> Carrier<'a> {
 
 const OUTSIDE: &str = "this edit is not in the text of one chunk";
 const AMBIGUOUS: &str = "this edit may belong to either of two places";
-
-fn edit_fault(path: &Path, line: usize, text: &str) -> Diagnostic {
-    let (file, line) = (shown(path), line as u32 + 1);
-    let position = Position { file, line, column: 1, excerpt: None };
-    Diagnostic::new(Level::Error, Some(position), text)
-}
 
 /// A web that consists of one line of code.
 fn web_of(line: &[u8]) -> Web {

@@ -153,7 +153,9 @@ impl Web {
             let name = quoted(&chunk.name);
             if !used(chunk) && chunk.name != b"*" && !is_root(&chunk.name) {
                 let text = format!("chunk {name} is never used");
-                faults.push(self.warn(chunk, text));
+                let help = "a root with a slash or a dot in its name, and no \
+                            space, is a file: src/main.rs, ./Makefile";
+                faults.push(self.warn(chunk, text).with_help(help));
             } else if used(chunk) && !marked[index] {
                 // Report the chunk if it marks itself
                 self.mark_below(index, &mut marked);
