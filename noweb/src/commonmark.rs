@@ -5,6 +5,7 @@
 //! What CommonMark says of a text: where its prose ends, which code it
 //! quotes, and what a summary lists.
 
+use std::ffi::OsString;
 use std::ops::Range;
 
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
@@ -96,7 +97,7 @@ fn quoted_code(text: &str, from: usize) -> Vec<Range<usize>> {
 }
 
 /// What a summary lists, as mdBook reads it.
-pub fn links(summary: &[u8]) -> Vec<String> {
+pub fn links(summary: &[u8]) -> Vec<OsString> {
     let (mut links, mut depth, mut is_done) = (Vec::new(), 0, false);
     for event in Parser::new(&in_utf8(summary)) {
         (depth, is_done) = match event {
@@ -108,7 +109,7 @@ pub fn links(summary: &[u8]) -> Vec<String> {
             Event::Start(Tag::Link { dest_url, .. })
                 if depth == 0 || !is_done =>
             {
-                links.push(dest_url.replace("%20", " "));
+                links.push(dest_url.replace("%20", " ").into());
                 (depth, true)
             }
             _ => (depth, is_done),

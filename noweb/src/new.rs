@@ -57,13 +57,10 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
             && name.chars().all(is_sign)
     };
     let name = match names[..] {
-        [name] if is_reserved(name) => {
-            let what = format!("choose another name: {name} is reserved");
-            return streams.misused(what);
-        }
-        [name] if is_name(name) => name,
+        [name] if is_name(name) && !is_reserved(name) => name,
         _ => {
-            let what = "new needs a name of letters, digits, - and _";
+            let what = "new needs a name of letters, digits, - and _ that \
+                        neither Cargo nor Windows reserves";
             return streams.misused(what.into());
         }
     };

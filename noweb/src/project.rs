@@ -47,17 +47,16 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let beside = if is_summary { "" } else { "chapters" };
     let parent = master.parent().unwrap_or(Path::new(""));
     let beside = plain(&parent.join(beside));
-    let names = match is_summary {
-        true => links(&text).into_iter().map(OsString::from).collect(),
-        false => includes(&text),
+    let names = if is_summary { links(&text) } else { includes(&text) };
+    let refuse = |what: &str, path: &Path| {
+        let (path, master) = (shown(path), shown(master));
+        Err(io::Error::other(format!("{master} {what} {path}")))
     };
-    let mut chapters = vec![master.to_owned()];
+    let mut chapters = vec![plain(master)];
     for path in names.iter().map(|name| plain(&beside.join(name))) {
         // Add a chapter to those before
         if chapters.contains(&path) {
-            let (path, master) = (shown(path), shown(master));
-            let text = format!("{master} includes {path} twice");
-            return Err(io::Error::other(text));
+            return refuse("includes twice", &path);
         }
         if path.extension() == Some(kind) {
             chapters.push(path);
@@ -71,9 +70,7 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
         let hidden = name.as_bytes().starts_with(b".");
         let is_chapter = path.extension() == Some(kind);
         if is_chapter && !hidden && !chapters.contains(&path) {
-            let (path, master) = (shown(path), shown(master));
-            let text = format!("{master} does not include {path}");
-            return Err(io::Error::other(text));
+            return refuse("does not include", &path);
         }
     }
     Ok(chapters)
@@ -86,7 +83,7 @@ fn plain(path: &Path) -> PathBuf {
 /// The names of the files that the prose of a master includes.
 fn includes(text: &[u8]) -> Vec<OsString> {
     let mut is_code = false;
-    let prose = lines(text).filter(|line| {
+    let prose = trimmed_lines(text).filter(|line| {
         let begins = line.starts_with(b"<<") && line.ends_with(b">>=");
         is_code = begins || is_code && !begins_docs(line);
         !is_code
@@ -127,13 +124,12 @@ pub struct Expansion {
 /// Is the name of a chunk the path of a file?
 /// It has a slash or a dot, no space, and leads nowhere outside.
 pub fn is_file_name(name: &[u8]) -> bool {
-    use Component::{CurDir, Normal};
-    let inside = |c: Component| matches!(c, Normal(_) | CurDir);
-    let path = Path::new(OsStr::from_bytes(name));
+    let inside = |c: Component| matches!(c, Component::Normal(_));
+    let path = plain(Path::new(OsStr::from_bytes(name)));
     name.iter().any(|b| b"/.".contains(b))
         && !name.iter().any(u8::is_ascii_whitespace)
         && !name.ends_with(b"/")
-        && path.file_name().is_some()
+        && path != Path::new("")
         && path.components().all(inside)
 }
 
@@ -182,7 +178,7 @@ impl Project {
     /// What there is to write, without writing it.
     pub fn plan(&self) -> Result<Plan, Faults> {
         let Expansion { web, files } = self.expand()?;
-        let record = self.read_record();
+        let record = self.read_record(&self.record);
         let removed = self.removals(&files, &record)?;
         let (mut outputs, mut faults) = (Vec::new(), Vec::new());
         for (path, tangled) in files {
@@ -222,11 +218,7 @@ impl Project {
         checked(sources, faults).and_then(expand_sources)
     }
 
-    pub fn read_record(&self) -> Record {
-        self.record_at(&self.record)
-    }
-
-    fn record_at(&self, path: &Path) -> Record {
+    pub fn read_record(&self, path: &Path) -> Record {
         let text = fs::read(self.dir.join(path));
         parse_record(&text.unwrap_or_default())
     }
@@ -243,7 +235,7 @@ impl Project {
         let has = |record: &Record| {
             files.iter().any(|(path, _)| record.contains_key(path))
         };
-        records.find(|path| has(&self.record_at(path))).unwrap_or(own)
+        records.find(|path| has(&self.read_record(path))).unwrap_or(own)
     }
 
     fn refuse(

@@ -67,7 +67,7 @@ type Edited = BTreeMap<PathBuf, Vec<u8>>;
 
 impl Project {
     fn edited(&self, now: &Expansion) -> Result<Edited, Faults> {
-        let record = self.read_record();
+        let record = self.read_record(&self.record);
         let (mut edited, mut faults) = (Edited::new(), Vec::new());
         for (path, tangled) in &now.files {
             let text = fs::read(self.dir.join(path)).unwrap_or_default();
@@ -419,7 +419,8 @@ impl Project {
     /// With `check` nothing is written.
     pub fn untangle(&self, check: bool) -> Result<Vec<String>, Faults> {
         let old = self.expand()?;
-        self.removals(&old.files, &self.read_record())?;
+        let record = self.read_record(&self.record);
+        self.removals(&old.files, &record)?;
         let edited = self.edited(&old)?;
         let splices = carry_all(&old, &edited)?;
         let sources = apply(&old.web.sources, splices);

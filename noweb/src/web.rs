@@ -153,8 +153,18 @@ impl Web {
             let name = quoted(&chunk.name);
             if !used(chunk) && chunk.name != b"*" && !is_root(&chunk.name) {
                 let text = format!("chunk {name} is never used");
-                let help = "a root with a slash or a dot in its name, and no \
-                            space, is a file: src/main.rs, ./Makefile";
+                let file = [b"./", &chunk.name[..]].concat();
+                let help = match is_root(&file) {
+                    true => format!(
+                        "if it is a file, call it {}",
+                        text_of(&file)
+                    ),
+                    false => {
+                        "a file is named like src/main.rs, without spaces \
+                              and inside the project"
+                            .into()
+                    }
+                };
                 faults.push(self.warn(chunk, text).with_help(help));
             } else if used(chunk) && !marked[index] {
                 // Report the chunk if it marks itself

@@ -394,16 +394,6 @@ fn the_command_that_is_mapped_keeps_its_options() {
 }
 
 #[test]
-fn lines_of_two_characters_stay_so_where_chunks_begin_and_end() {
-    let scratch = project();
-    scratch.write("chapters/a.nw", CHAPTER.replace('\n', "\r\n"));
-    let outcome = tangle(&scratch, &[]);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
-    assert_eq!(scratch.read("src/main.rs"), MAIN.replace('\n', "\r\n"));
-    assert_eq!(scratch.read("a.mk"), "all:\r\n\ttrue\r\n");
-}
-
-#[test]
 fn other_ends_of_lines_are_no_edit() {
     let dos = |text: &str| text.replace('\n', "\r\n");
     let plain = CHAPTER.replace("count();", "count(2);");
@@ -414,6 +404,7 @@ fn other_ends_of_lines_are_no_edit() {
         };
         scratch.write("chapters/a.nw", given(CHAPTER, chapter));
         assert_eq!(tangle(&scratch, &[]).status, 0);
+        assert_eq!(scratch.read("a.mk"), given("all:\n\ttrue\n", chapter));
         for name in ["src/main.rs", ".tangled"] {
             let text = scratch.read(name).replace("\r\n", "\n");
             scratch.write(name, given(&text, file));
@@ -481,16 +472,21 @@ fn a_root_in_no_directory_is_a_file_and_told_how_to_be_one() {
     let scratch = Scratch::new();
     scratch.write(
         "a.nw",
-        "<<./Makefile>>=\na:\n\tb\n<<./.>>=\n<<Makefile>>=\n",
+        "<<./Makefile>>=\na:\n\tb\n<<../a>>=\n<<GNUmakefile>>=\n",
     );
     let outcome = run(scratch.path(), &["tangle", "a.nw"]);
     assert_eq!(outcome.status, 0);
-    for line in [4, 5] {
-        let told = outcome.stderr();
-        assert!(told.contains(&format!("a.nw:{line}:3: warning: chunk")));
-    }
-    let help = "is a file: src/main.rs, ./Makefile\n";
-    assert_eq!(outcome.stderr().matches(help).count(), 2);
+    let told = |name: &str, line, help: &str| {
+        format!(
+            "a.nw:{line}:3: warning: chunk <<{name}>> is never used\n  \
+             <<{name}>>=\n    ^\n  help: {help}\n"
+        )
+    };
+    let inside = "a file is named like src/main.rs, without spaces and \
+                  inside the project";
+    let own =
+        told("GNUmakefile", 5, "if it is a file, call it ./GNUmakefile");
+    assert_eq!(outcome.stderr(), told("../a", 4, inside) + &own);
     assert_eq!(scratch.read("Makefile"), "a:\n\tb\n");
     let map = ["map", "a.nw", "--", "echo", "Makefile:2: ***"];
     assert_eq!(run(scratch.path(), &map).stdout(), "a.nw:3: ***\n");
