@@ -263,10 +263,6 @@ impl Lexer {
 
     fn finish(&mut self, ended: bool) {
         self.close_quote();
-        if let Some(line) = self.prose().and_then(|prose| prose.open) {
-            let place = Place { line, column: 1, ..self.place };
-            self.warn_of_open("block", place);
-        }
         if !ended {
             self.emit(Token::Newline, self.line.bytes.len());
         }
@@ -274,15 +270,15 @@ impl Lexer {
     }
 
     fn close_quote(&mut self) {
-        if let Some(place) = self.quote.take() {
-            self.warn_of_open("quote `[['", place);
+        let quote = self.quote.take().map(|place| (place, "quote `[['"));
+        let block = self.prose().and_then(|prose| prose.open);
+        let block =
+            block.map(|line| (Place { line, ..self.place }, "block"));
+        for (place, what) in quote.into_iter().chain(block) {
+            let text = format!("open {what} never closed");
+            let fault = Diagnostic::new(Level::Warning, None, text);
+            self.faults.push((place, fault));
         }
-    }
-
-    fn warn_of_open(&mut self, what: &str, place: Place) {
-        let text = format!("open {what} never closed");
-        let fault = Diagnostic::new(Level::Warning, None, text);
-        self.faults.push((place, fault));
     }
 
     /// The prose in Markdown that we are in.
