@@ -186,7 +186,7 @@ const PROJECT: &str = "[-C DIR] [--record FILE] [--check] CHAPTER...
   CHAPTER         the chapters, or one that includes them: a master
 
   -C DIR          the directory that paths are relative to
-  --record FILE   the checksums of what was tangled [.tangled, or where it is]
+  --record FILE   the checksums of what was tangled [.tangled, or beside files]
   --check         change nothing, and fail if there is anything to change";
 
 const MAP: &str = "MASTER... -- COMMAND [ARGUMENT...]

@@ -48,17 +48,10 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let parent = master.parent().unwrap_or(Path::new(""));
     let beside = plain(&parent.join(beside));
     let names = if is_summary { links(&text) } else { includes(&text) };
-    let refuse = |what: &str, path: &Path| {
-        let (path, master) = (shown(path), shown(master));
-        Err(io::Error::other(format!("{master} {what} {path}")))
-    };
     let mut chapters = vec![plain(master)];
     for path in names.iter().map(|name| plain(&beside.join(name))) {
         // Add a chapter to those before
-        if chapters.contains(&path) {
-            return refuse("includes twice", &path);
-        }
-        if path.extension() == Some(kind) {
+        if path.extension() == Some(kind) && !chapters.contains(&path) {
             chapters.push(path);
         }
     }
@@ -70,7 +63,9 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
         let hidden = name.as_bytes().starts_with(b".");
         let is_chapter = path.extension() == Some(kind);
         if is_chapter && !hidden && !chapters.contains(&path) {
-            return refuse("does not include", &path);
+            let (path, master) = (shown(path), shown(master));
+            let text = format!("{master} does not include {path}");
+            return Err(io::Error::other(text));
         }
     }
     Ok(chapters)

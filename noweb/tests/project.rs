@@ -455,7 +455,11 @@ fn marks_of_a_conflict_are_refused_with_their_lines() {
         let told = tangle(&scratch, &[]).stderr();
         assert_eq!(told, marks("chapters/a.nw", &[30, 31]), "{mark}");
     }
+    scratch.write("SUMMARY.md", "[](a.md)\n>>>>>>> b\n[](a.md)\n");
     scratch.write("a.md", "<!--\n>>>>>>> b\n-->\n");
+    let both = marks("SUMMARY.md", &[2]) + &marks("a.md", &[2]);
+    let told = run(scratch.path(), &["tangle", "SUMMARY.md"]).stderr();
+    assert_eq!(told, both);
     let woven = run(scratch.path(), &["noweave", "-md", "a.md"]);
     assert_eq!((woven.status, woven.stderr()), (1, marks("a.md", &[2])));
     let none = "Title\n=======\n|||||||\n >>>>>>> a\n<<<<<<<<\n>>>>>>>a\n";
