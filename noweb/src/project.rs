@@ -9,6 +9,7 @@
 //! from one that is merely out of date. First everything is planned, and
 //! only a plan without faults is carried out.
 
+use std::cell::LazyCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{OsStr, OsString};
 use std::fs;
@@ -176,18 +177,17 @@ impl Project {
         let record = self.read_record(&self.record);
         let removed = self.removals(&files, &record)?;
         let (mut outputs, mut faults) = (Vec::new(), Vec::new());
+        let words = LazyCell::new(|| self.words());
         for (path, tangled) in files {
             // Compare a file with its text
             let disk = fs::read(self.dir.join(&path)).unwrap_or_default();
             let changed = disk != tangled.text;
             if is_edited(&disk, &tangled.text, record.get(&path)) {
                 let marks = conflicts(&path, &disk);
-                let edit = self.refuse(&path, &disk, &tangled, &web);
-                faults.extend(if marks.is_empty() {
-                    vec![edit]
-                } else {
-                    marks
-                });
+                if marks.is_empty() {
+                    faults.push(refuse(&path, &disk, &tangled, &web, &words));
+                }
+                faults.extend(marks);
             }
             outputs.push(Output { path, tangled, changed });
         }
@@ -231,36 +231,6 @@ impl Project {
             files.iter().any(|(path, _)| record.contains_key(path))
         };
         records.find(|path| has(&self.read_record(path))).unwrap_or(own)
-    }
-
-    fn refuse(
-        &self,
-        path: &Path,
-        disk: &[u8],
-        tangled: &Tangled,
-        web: &Web,
-    ) -> Diagnostic {
-        let disk = with_ends(disk, false);
-        let now = with_ends(&tangled.text, false);
-        let (line, column) = first_difference(&disk, &now);
-        let file = Source::new(shown(path).into(), disk);
-        let position = file.position(Place { file: 0, line, column });
-        let text = "this file was edited by hand since it was tangled";
-        let mut fault = Diagnostic::new(Level::Error, Some(position), text);
-        // Say where the edited line comes from
-        let last = tangled.map.last().map(|segment| segment.place);
-        let origin = tangled.origin(line, 1).or(last);
-        let origin = origin.and_then(|place| web.position(place));
-        if let Some(Position { file, line, .. }) = origin {
-            let help = format!("the line comes from {file}:{line}");
-            fault = fault.with_help(help);
-        }
-        fault
-            .with_help(format!(
-                "to carry it there: noweb untangle{}",
-                self.words()
-            ))
-            .with_help(format!("delete {} to drop the edit", shown(path)))
     }
 
     /// What follows the name of a command on this project, for a shell.
@@ -397,6 +367,33 @@ pub fn is_edited(disk: &[u8], text: &[u8], last: Option<&u64>) -> bool {
     };
     let known = disk.is_empty() || bare(disk) == bare(text);
     !known && last != Some(&hash(disk))
+}
+
+fn refuse(
+    path: &Path,
+    disk: &[u8],
+    tangled: &Tangled,
+    web: &Web,
+    words: &str,
+) -> Diagnostic {
+    let disk = with_ends(disk, false);
+    let now = with_ends(&tangled.text, false);
+    let (line, column) = first_difference(&disk, &now);
+    let file = Source::new(shown(path).into(), disk);
+    let position = file.position(Place { file: 0, line, column });
+    let text = "this file was edited by hand since it was tangled";
+    let mut fault = Diagnostic::new(Level::Error, Some(position), text);
+    // Say where the edited line comes from
+    let last = tangled.map.last().map(|segment| segment.place);
+    let origin = tangled.origin(line, 1).or(last);
+    let origin = origin.and_then(|place| web.position(place));
+    if let Some(Position { file, line, .. }) = origin {
+        let help = format!("the line comes from {file}:{line}");
+        fault = fault.with_help(help);
+    }
+    fault
+        .with_help(format!("to carry it there: noweb untangle{words}"))
+        .with_help(format!("delete {} to drop the edit", shown(path)))
 }
 
 fn first_difference(a: &[u8], b: &[u8]) -> (u32, u32) {
