@@ -185,7 +185,8 @@ impl Project {
             if is_edited(&disk, &tangled.text, record.get(&path)) {
                 let marks = conflicts(&path, &disk);
                 if marks.is_empty() {
-                    faults.push(refuse(&path, &disk, &tangled, &web, &words));
+                    let edit = refuse(&path, &disk, &tangled, &web, &words);
+                    faults.push(edit);
                 }
                 faults.extend(marks);
             }
