@@ -37,9 +37,9 @@ fn tangle() -> Result<Vec<PathBuf>, String> {
         .map_err(|error| format!("{MASTER}: {error}"))?;
     let mut watched = chapters.clone();
     let project = Project {
-        dir: PathBuf::from("."),
         record: PathBuf::from("src/.tangled"),
         chapters,
+        ..Project::default()
     };
     let all = |diagnostics: Vec<noweb::diagnostic::Diagnostic>| {
         let lines = diagnostics.iter().map(|d| d.to_string());

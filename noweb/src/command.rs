@@ -11,6 +11,7 @@ use std::ffi::{OsStr, OsString};
 use std::io::{self, BufReader, BufWriter, Write};
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -44,8 +45,28 @@ const COMMANDS: &[Command] = &[
     ("mdbook", markdown::run, "weave as a preprocessor of mdBook", ""),
 ];
 
-/// An output that waits until there is room.
-struct Patient<S>(S);
+/// Standard output was closed when the program was started, or open for
+/// reading alone.
+static CLOSED: AtomicBool = AtomicBool::new(false);
+
+/// Called when the program is loaded.
+#[used]
+#[cfg_attr(target_os = "linux", unsafe(link_section = ".init_array"))]
+static BEFORE_MAIN: extern "C" fn() = look_at_output;
+
+unsafe extern "C" {
+    fn fcntl(descriptor: i32, command: i32, ...) -> i32;
+}
+
+extern "C" fn look_at_output() {
+    // SAFETY: F_GETFL, which is 3, reads the flags of a number.
+    let flags = unsafe { fcntl(1, 3) };
+    // The last two bits are zero if it may only be read.
+    CLOSED.store(flags < 0 || flags & 3 == 0, Relaxed);
+}
+
+/// An output that waits until there is room; true if it is closed.
+struct Patient<S>(S, bool);
 
 fn patiently<T>(mut act: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     loop {
@@ -60,7 +81,10 @@ fn patiently<T>(mut act: impl FnMut() -> io::Result<T>) -> io::Result<T> {
 
 impl<W: Write> Write for Patient<W> {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
-        patiently(|| self.0.write(text))
+        match self.1 {
+            true => Err(io::Error::other("standard output is closed")),
+            false => patiently(|| self.0.write(text)),
+        }
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -74,8 +98,9 @@ pub fn main() -> ExitCode {
     let called = args.next().unwrap_or_default();
     let args: Vec<OsString> = args.collect();
     let mut input = BufReader::new(io::stdin().lock());
-    let mut output = BufWriter::new(Patient(io::stdout().lock()));
-    let mut errors = Patient(io::stderr().lock());
+    let output = Patient(io::stdout().lock(), CLOSED.load(Relaxed));
+    let mut output = BufWriter::new(output);
+    let mut errors = Patient(io::stderr().lock(), false);
     let mut streams = Streams {
         input: &mut input,
         output: &mut output,
@@ -161,7 +186,7 @@ const PROJECT: &str = "[-C DIR] [--record FILE] [--check] CHAPTER...
   CHAPTER         the chapters, or one that includes them: a master
 
   -C DIR          the directory that paths are relative to
-  --record FILE   the checksums of what was tangled [.tangled]
+  --record FILE   the checksums of what was tangled [.tangled, or beside files]
   --check         change nothing, and fail if there is anything to change";
 
 const MAP: &str = "MASTER... -- COMMAND [ARGUMENT...]

@@ -12,6 +12,7 @@
 //! Text is bytes throughout, for the prose may be in any encoding.
 
 pub mod command;
+pub mod commonmark;
 pub mod cpif;
 pub mod diagnostic;
 pub mod filter;

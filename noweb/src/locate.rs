@@ -14,7 +14,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use crate::diagnostic::{Position, Source};
-use crate::project::Project;
+use crate::project::{Project, hash};
 use crate::tangle::Tangled;
 use crate::web::Web;
 
@@ -46,7 +46,8 @@ impl Atlas {
             for (path, tangled) in program.files {
                 // Add a file of the program
                 let disk = fs::read(atlas.dir.join(&path));
-                let fresh = disk.is_ok_and(|disk| disk == tangled.text);
+                let text = hash(&tangled.text);
+                let fresh = disk.is_ok_and(|disk| hash(&disk) == text);
                 let source = Source::new(Vec::new(), tangled.text.clone());
                 let web = atlas.webs.len();
                 let file = TangledFile { web, tangled, source, fresh };

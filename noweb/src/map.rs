@@ -92,7 +92,7 @@ impl Filter {
         line: u32,
         column: u32,
     ) -> Option<(usize, Position)> {
-        if !text[path_start(text)..].iter().any(|b| b"/.".contains(b)) {
+        if text[path_start(text)..].iter().all(u8::is_ascii_digit) {
             return None;
         }
         let projects = &self.projects;
@@ -144,7 +144,7 @@ fn stale_file(path: &[u8]) -> Diagnostic {
     let path = text_of(path);
     let text = format!("{path} is not what its chapters give");
     Diagnostic::new(Level::Warning, None, text)
-        .with_help("tangle, or bring an edit home with noweb untangle")
+        .with_help("tangle, or bring an edit home: noweb untangle MASTER")
 }
 
 /// Translates what a command writes, and gives its status.

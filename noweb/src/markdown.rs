@@ -8,8 +8,10 @@
 //! fenced code, with references as links.
 
 use std::collections::HashMap;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::mem::take;
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
 
 use serde_json::Value;
 
@@ -20,17 +22,28 @@ use crate::diagnostic::{
 use crate::finduses::{Recogniser, declared, mark_uses};
 use crate::markup::{Token, is_markdown, mark_up, write_stream};
 use crate::noidx::cross_reference;
+use crate::project::conflicts;
 use crate::rust_index::index;
 use crate::stream::{Mark, lines};
 
-/// The pages of some chapters, in one document or each in a file of its
-/// own; `rust` indexes the items of a Rust program.
+/// What becomes of the pages.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub enum Form {
+    #[default]
+    Document,
+    Files,
+    /// Files that mdBook reads.
+    Book,
+}
+
+/// The pages of some chapters; `rust` indexes the items of a Rust
+/// program.
 ///
 /// # Errors
 /// A chapter is not a web, or its prose is not in Markdown.
 pub fn weave(
     chapters: &[Source],
-    is_one: bool,
+    form: Form,
     rust: bool,
 ) -> Result<Vec<Vec<u8>>, Faults> {
     let (mut stream, mut faults) = (Vec::new(), Vec::new());
@@ -42,6 +55,8 @@ pub fn weave(
             let text = format!("{name}: no Markdown, by its name (.md)");
             faults.push(Diagnostic::new(Level::Error, None, text));
         }
+        let path = Path::new(OsStr::from_bytes(&chapter.name));
+        faults.extend(conflicts(path, &chapter.text));
         let (lexemes, more) = mark_up(chapter, file, 0);
         let is_woven = |(token, _): &_| match token {
             Token::Text(text) => LISTS.contains(&&text[..]),
@@ -60,7 +75,7 @@ pub fn weave(
         }
     };
     let stream = cross_reference(&stream, false).text;
-    let plan = Plan::of(&stream, is_one);
+    let plan = Plan::of(&stream, form);
     let mut converter = Converter::default();
     let marks = lines(&stream).filter_map(Mark::read);
     marks.for_each(|mark| converter.convert(mark, &plan));
@@ -91,7 +106,7 @@ const LISTS: [&[u8]; 2] =
 /// What is known of the chunks of a stream beforehand.
 #[derive(Default)]
 struct Plan<'a> {
-    is_one: bool,
+    form: Form,
     /// The names of the pages.
     pages: Vec<&'a [u8]>,
     /// For each label the page of its chunk, and the place of it there.
@@ -103,8 +118,8 @@ struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    fn of(stream: &'a [u8], is_one: bool) -> Self {
-        let mut plan = Self { is_one, ..Self::default() };
+    fn of(stream: &'a [u8], form: Form) -> Self {
+        let mut plan = Self { form, ..Self::default() };
         let (mut count, mut label, mut chunk) = (0, &b""[..], &b""[..]);
         for mark in lines(stream).filter_map(Mark::read) {
             // Learn from one line of the stream
@@ -141,13 +156,12 @@ impl<'a> Plan<'a> {
         for _ in 0..self.users.len() {
             chunk = self.users.get(chunk).unwrap_or(&chunk);
         }
-        let mut parts = chunk.rsplitn(2, |byte| *byte == b'.');
-        match (parts.next(), parts.next()) {
-            (Some(b"rs"), Some(_)) => b"rust",
-            (Some(b"py"), Some(_)) => b"python",
-            (Some(b"h"), Some(_)) => b"c",
-            (Some(name), Some(_)) => name,
-            _ => b"",
+        let path = Path::new(OsStr::from_bytes(chunk));
+        match path.extension().unwrap_or_default().as_bytes() {
+            b"rs" => b"rust",
+            b"py" => b"python",
+            b"h" => b"c",
+            name => name,
         }
     }
 
@@ -169,7 +183,7 @@ impl<'a> Plan<'a> {
         let Some(&(other, count)) = self.places.get(label) else {
             return text.to_owned();
         };
-        let path = match self.is_one || other == page {
+        let path = match self.form == Form::Document || other == page {
             true => String::new(),
             false => relative(self.pages[page], self.pages[other]),
         };
@@ -340,7 +354,7 @@ impl<'a> Converter<'a> {
     }
 
     fn end_code(&mut self, plan: &Plan<'a>) {
-        let code = self.code.take().unwrap_or_default();
+        let mut code = self.code.take().unwrap_or_default();
         let page = self.page();
         let users = self.users.get(self.chunk).cloned().unwrap_or_default();
         let [includes, defines, uses] = take(&mut self.links);
@@ -351,6 +365,9 @@ impl<'a> Converter<'a> {
         let anchor = number.trim_ascii_start().replace('.', "-");
         let name = escaped(self.chunk);
         let language = text_of(plan.language(self.chunk));
+        if plan.form == Form::Book && language == "rust" {
+            code = bytes_of(&shown_by_mdbook(&text_of(&code)));
+        }
         let gap =
             if self.pages[page].ends_with(b"\n\n") { "" } else { "\n" };
         self.put(&bytes_of(&format!(
@@ -404,6 +421,18 @@ impl<'a> Converter<'a> {
     }
 }
 
+/// Code in Rust, of which mdBook hides no line.
+fn shown_by_mdbook(code: &str) -> String {
+    let shown = |line: &str| {
+        let sign = line.trim_start().strip_prefix('#');
+        match sign.is_some_and(|rest| !rest.starts_with(['[', '!'])) {
+            true => line.replacen('#', "##", 1),
+            false => line.to_owned(),
+        }
+    };
+    code.split_inclusive('\n').map(shown).collect()
+}
+
 /// The name of a chunk, in which Markdown sees code alone.
 fn escaped(name: &[u8]) -> String {
     let name = text_of(name).replace("[[", "`").replace("]]", "`");
@@ -450,7 +479,7 @@ fn preprocess(streams: &mut Streams) -> Result<Value, Faults> {
         Source::new(path.clone().into_bytes(), text.as_bytes().to_vec())
     };
     let chapters: Vec<_> = contents.iter().map(source).collect();
-    let woven = weave(&chapters, false, rust)?;
+    let woven = weave(&chapters, Form::Book, rust)?;
     for ((_, content), page) in contents.into_iter().zip(woven) {
         *content = text_of(&page).into();
     }
@@ -470,8 +499,8 @@ fn collect<'v>(
             let path =
                 all.get("path").and_then(Value::as_str).map(str::to_owned);
             for (key, value) in all {
-                match (&key[..], &path) {
-                    ("content", Some(path)) => {
+                match &path {
+                    Some(path) if key == "content" => {
                         found.push((path.clone(), value))
                     }
                     _ => collect(value, found),

@@ -11,6 +11,7 @@
 use std::ffi::OsString;
 
 use crate::Streams;
+use crate::commonmark::Markdown;
 use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Source, text_of,
 };
@@ -119,21 +120,8 @@ pub fn is_markdown(name: &[u8]) -> bool {
     name.ends_with(b".md")
 }
 
-/// What began a block of Markdown that is shown as it is.
-struct Fence {
-    sign: u8,
-    length: usize,
-    place: Place,
-}
-
-/// The sign of a line that may be a fence, how often it stands there, and
-/// what follows.
-fn fence_of(line: &[u8]) -> Option<(u8, usize, &[u8])> {
-    let indent = count(line, b' ');
-    let line = &line[indent..];
-    let sign = *line.first().filter(|sign| b"`~".contains(sign))?;
-    let length = count(line, sign);
-    (indent < 4 && length > 2).then_some((sign, length, &line[length..]))
+fn defines(line: &[u8]) -> bool {
+    defined_name(line).is_some()
 }
 
 /// The length of the name that a use has, judged from the text after
@@ -170,18 +158,20 @@ pub fn mark_up(
     tab: usize,
 ) -> (Vec<Lexeme>, Faults) {
     let place = Place { file, line: 0, column: 1 };
+    let text = source.text.strip_prefix(b"\xef\xbb\xbf");
+    let text = text.unwrap_or(&source.text);
     let markdown = is_markdown(&source.name);
-    let tab = if markdown { 0 } else { tab };
+    let markdown = markdown.then(|| Markdown::new(text, defines));
+    let tab = if markdown.is_some() { 0 } else { tab };
     let mut lexer = Lexer { place, tab, markdown, ..Lexer::default() };
     lexer.emit(Token::File(source.name.clone()), 0);
     lexer.emit(Token::Begin(Kind::Docs, 0), 0);
     let mut ended = true;
-    let text = source.text.strip_prefix(b"\xef\xbb\xbf");
-    let text = text.unwrap_or(&source.text);
     for line in text.split_inclusive(|b| *b == b'\n') {
         let body = line.strip_suffix(b"\n").unwrap_or(line);
         ended = body.len() < line.len();
         lexer.mark_line(body, ended);
+        lexer.start += line.len();
     }
     lexer.finish(ended);
     // Give the complaints their positions
@@ -199,14 +189,13 @@ struct Lexer {
     kind: Kind,
     count: usize,
     listed: bool,
-    /// Whether the prose is Markdown, and what fenced a block of it.
-    markdown: bool,
-    fence: Option<Fence>,
-    fenced: bool,
+    /// The text, if its prose is in Markdown.
+    markdown: Option<Markdown>,
     /// Where the quoted code began, if we are inside it.
     quote: Option<Place>,
-    /// The line that is scanned, and how far.
+    /// The line that is scanned, where it starts, and how far.
     line: Line,
+    start: usize,
     at: usize,
     text_at: usize,
     /// It continues a text that was emitted already.
@@ -229,10 +218,10 @@ impl Lexer {
         self.line = expand_tabs(body, self.tab);
         self.at = 0;
         let line = std::mem::take(&mut self.line.bytes);
-        let plain = self.markdown && self.kind == Kind::Docs;
-        let prose = plain || self.markdown && self.listed;
-        self.fenced = prose && self.is_fenced(&line);
-        let name = defined_name(&line).filter(|_| !self.fenced);
+        let prose_end = self.prose().map(|prose| prose.end);
+        let plain = prose_end.is_some();
+        let may_define = prose_end.is_none_or(|end| end == self.start);
+        let name = defined_name(&line).filter(|_| may_define);
         let names = listed_identifiers(&line).filter(|_| !plain);
         if let Some(name) = name {
             self.begin(Kind::Code);
@@ -248,11 +237,15 @@ impl Lexer {
         } else {
             // Begin prose if the line says so
             let marked = !plain && begins_docs(&line);
-            if marked || self.listed {
-                self.begin(Kind::Docs);
-            }
             if marked {
                 self.at = line.len().min(2);
+            }
+            if marked || self.listed {
+                self.begin(Kind::Docs);
+                let from = self.start + self.at;
+                if let Some(prose) = self.prose() {
+                    prose.read(from, defines);
+                }
             }
             self.line.bytes = line;
             self.scan(ended);
@@ -278,39 +271,24 @@ impl Lexer {
 
     fn close_quote(&mut self) {
         let quote = self.quote.take().map(|place| (place, "quote `[['"));
-        let fence = self.fence.take().map(|fence| (fence.place, "fence"));
-        for (place, what) in quote.into_iter().chain(fence) {
+        let block = self.prose().and_then(|prose| prose.open);
+        let block =
+            block.map(|line| (Place { line, ..self.place }, "block"));
+        for (place, what) in quote.into_iter().chain(block) {
             let text = format!("open {what} never closed");
             let fault = Diagnostic::new(Level::Warning, None, text);
             self.faults.push((place, fault));
         }
     }
 
-    /// Whether a line of Markdown is, or belongs to, a fenced block.
-    fn is_fenced(&mut self, line: &[u8]) -> bool {
-        let found = fence_of(line);
-        match (&self.fence, found) {
-            (Some(open), Some((sign, length, rest))) => {
-                let same = sign == open.sign && length >= open.length;
-                if same && rest.iter().all(is_space) {
-                    self.fence = None;
-                }
-                true
-            }
-            (Some(_), None) => true,
-            (None, Some((sign, length, rest))) => {
-                let opens = sign == b'~' || !rest.contains(&b'`');
-                let place = self.place_at(0);
-                self.fence = opens.then_some(Fence { sign, length, place });
-                opens
-            }
-            (None, None) => false,
-        }
+    /// The prose in Markdown that we are in.
+    fn prose(&mut self) -> Option<&mut Markdown> {
+        self.markdown.as_mut().filter(|_| self.kind == Kind::Docs)
     }
 
     fn scan(&mut self, ended: bool) {
         self.text_at = self.at;
-        let plain = self.markdown && self.kind == Kind::Docs;
+        let plain = self.prose().is_some();
         if !plain && self.line.bytes[self.at..].starts_with(b"@@") {
             self.escape(2);
         }
@@ -426,24 +404,16 @@ impl Lexer {
     }
 
     fn scan_markdown(&mut self) {
-        let rest = &self.line.bytes[self.at..];
-        let ticks = count(rest, b'`');
-        let end = (1..rest.len()).find(|&i| {
-            i >= ticks
-                && rest[i] == b'`'
-                && rest[i - 1] != b'`'
-                && count(&rest[i..], b'`') == ticks
-        });
-        match (rest[0], end) {
-            _ if self.fenced => self.at += rest.len(),
-            (b'\\', _) => self.at += rest.len().min(2),
-            (b'`', Some(end)) if ticks == 1 => {
+        let (start, length) = (self.start, self.line.bytes.len());
+        let end = start + length;
+        match self.prose().and_then(|prose| prose.code_before(end)) {
+            Some(code) => {
+                self.at = code.start - start;
                 self.pass(Token::Quote, 1);
-                self.at += end - 1;
+                self.at = code.end - 1 - start;
                 self.pass(Token::EndQuote, 1);
             }
-            (b'`', Some(end)) => self.at += end + ticks,
-            _ => self.at += ticks.max(1),
+            None => self.at = length,
         }
     }
 }

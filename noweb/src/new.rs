@@ -12,6 +12,7 @@ use std::path::Path;
 use crate::Streams;
 use crate::diagnostic::{Diagnostic, Faults, Level, shown};
 use crate::project::{Project, included};
+use crate::rust_names::is_keyword;
 
 const COMMON: &[(&str, &str)] = &[
     ("Cargo.toml", include_str!("../new/Cargo.toml.in")),
@@ -56,9 +57,10 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
             && name.chars().all(is_sign)
     };
     let name = match names[..] {
-        [name] if is_name(name) => name,
+        [name] if is_name(name) && !is_reserved(name) => name,
         _ => {
-            let what = "new needs a name of letters, digits, - and _";
+            let what = "new needs a name of letters, digits, - and _ that \
+                        neither Cargo nor Windows reserves";
             return streams.misused(what.into());
         }
     };
@@ -83,7 +85,7 @@ fn write(
     };
     fs::create_dir(dir).map_err(fault)?;
     for (path, text) in COMMON.iter().chain(own) {
-        let mut text = text.replace("NAME", name).replace("MASTER", master);
+        let mut text = text.replace("MASTER", master).replace("NAME", name);
         if *path == "Makefile" {
             text = text.replace("\n    ", "\n\t");
         }
@@ -96,4 +98,17 @@ fn write(
     let record = "src/.tangled".into();
     Project { dir: dir.to_owned(), record, chapters }.tangle()?;
     Ok(())
+}
+
+/// Besides keywords, what Cargo's own command `new` refuses or warns of.
+const RESERVED: &str = "build deps examples incremental test alloc core \
+    proc-macro proc_macro std";
+
+fn is_reserved(name: &str) -> bool {
+    let lower = name.to_ascii_lowercase();
+    let number = lower.strip_prefix("com").or(lower.strip_prefix("lpt"));
+    is_keyword(name)
+        || RESERVED.split(' ').any(|word| word == name)
+        || ["con", "prn", "aux", "nul"].contains(&&lower[..])
+        || number.is_some_and(|n| matches!(n.as_bytes(), [b'1'..=b'9']))
 }

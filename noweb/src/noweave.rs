@@ -16,6 +16,7 @@ use crate::diagnostic::{
     Diagnostic, Faults, Level, bytes_of, checked, shown,
 };
 use crate::filter::{quoted, run_shell};
+use crate::markdown::Form;
 use crate::stream::Outcome;
 use crate::{
     Streams, finduses, markdown, markup, noidx, rust_index, split_scope,
@@ -262,8 +263,11 @@ impl Request {
             source.name = name.unwrap_or_default().to_vec();
         }
         let sources = checked(sources, faults)?;
-        let is_one = self.backend.is_none();
-        let pages = markdown::weave(&sources, is_one, self.autodefs)?;
+        let form = match self.backend {
+            None => Form::Document,
+            Some(_) => Form::Files,
+        };
+        let pages = markdown::weave(&sources, form, self.autodefs)?;
         let Some(backend) = self.backend.clone() else {
             return Ok(pages.concat());
         };

@@ -9,21 +9,24 @@
 //! from one that is merely out of date. First everything is planned, and
 //! only a plan without faults is carried out.
 
+use std::cell::LazyCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io;
-use std::os::unix::ffi::OsStrExt;
+use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::Streams;
+use crate::commonmark::links;
 use crate::cpif::{copy_if, replace};
 use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Position, Source, checked, shown,
 };
+use crate::filter::quoted;
 use crate::markup::begins_docs;
-use crate::stream::lines;
+use crate::stream::{lines, trimmed_lines};
 use crate::tangle::{Layout, Tangled, tangle};
 use crate::web::{Piece, Web};
 
@@ -43,32 +46,16 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let kind = master.extension().unwrap_or_default();
     let is_summary = master.ends_with("SUMMARY.md");
     let beside = if is_summary { "" } else { "chapters" };
-    let beside = master.parent().unwrap_or(Path::new("")).join(beside);
-    let chapter = |line: &[u8]| {
-        let (from, to, ending) = match is_summary {
-            true => (&b"]("[..], b')', &b""[..]),
-            false => (&br"\include{"[..], b'}', &b".nw"[..]),
-        };
-        let mut windows = line.windows(from.len());
-        let start = windows.position(|window| window == from)?;
-        let name = &line[start + from.len()..];
-        let end = name.iter().position(|b| *b == to)?;
-        let name = [&name[..end], ending].concat();
-        let is_there = match is_summary {
-            true => name.ends_with(b".md"),
-            false => start == 0,
-        };
-        is_there.then(|| beside.join(OsStr::from_bytes(&name)))
-    };
-    let mut is_code = false;
-    let is_prose = |line: &&[u8]| {
-        let begins = line.starts_with(b"<<") && line.ends_with(b">>=");
-        is_code = begins || is_code && !begins_docs(line);
-        !is_code
-    };
-    let chapters = lines(&text).filter(is_prose).filter_map(chapter);
-    let chapters: Vec<PathBuf> =
-        std::iter::once(master.to_owned()).chain(chapters).collect();
+    let parent = master.parent().unwrap_or(Path::new(""));
+    let beside = plain(&parent.join(beside));
+    let names = if is_summary { links(&text) } else { includes(&text) };
+    let mut chapters = vec![plain(master)];
+    for path in names.iter().map(|name| plain(&beside.join(name))) {
+        // Add a chapter to those before
+        if path.extension() == Some(kind) && !chapters.contains(&path) {
+            chapters.push(path);
+        }
+    }
     // Refuse chapters that are not included
     let folder = dir.join(&beside).join(".");
     for entry in fs::read_dir(folder).into_iter().flatten() {
@@ -83,6 +70,26 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
         }
     }
     Ok(chapters)
+}
+
+fn plain(path: &Path) -> PathBuf {
+    path.strip_prefix(".").unwrap_or(path).components().collect()
+}
+
+/// The names of the files that the prose of a master includes.
+fn includes(text: &[u8]) -> Vec<OsString> {
+    let mut is_code = false;
+    let prose = trimmed_lines(text).filter(|line| {
+        let begins = line.starts_with(b"<<") && line.ends_with(b">>=");
+        is_code = begins || is_code && !begins_docs(line);
+        !is_code
+    });
+    let name = |line: &[u8]| {
+        let name = line.strip_prefix(br"\include{")?;
+        let end = name.iter().position(|b| *b == b'}')?;
+        Some(OsString::from_vec([&name[..end], b".nw"].concat()))
+    };
+    prose.filter_map(name).collect()
 }
 
 #[derive(Clone, Debug)]
@@ -114,18 +121,29 @@ pub struct Expansion {
 /// It has a slash or a dot, no space, and leads nowhere outside.
 pub fn is_file_name(name: &[u8]) -> bool {
     let inside = |c: Component| matches!(c, Component::Normal(_));
-    let path = Path::new(OsStr::from_bytes(name));
+    let path = plain(Path::new(OsStr::from_bytes(name)));
     name.iter().any(|b| b"/.".contains(b))
         && !name.iter().any(u8::is_ascii_whitespace)
         && !name.ends_with(b"/")
+        && path != Path::new("")
         && path.components().all(inside)
 }
 
 /// For every tangled file the hash of its text.
 pub type Record = BTreeMap<PathBuf, u64>;
 
-/// The 64-bit hash of Fowler, Noll and Vo, in its variant 1a.
+/// A text whose lines have or have not a return at their ends.
+pub fn with_ends(text: &[u8], returns: bool) -> Vec<u8> {
+    let lines = text.split(|b| *b == b'\n');
+    let lines = lines.map(|line| line.strip_suffix(b"\r").unwrap_or(line));
+    let end: &[u8] = if returns { b"\r\n" } else { b"\n" };
+    lines.collect::<Vec<_>>().join(end)
+}
+
+/// The 64-bit hash of Fowler, Noll and Vo, in its variant 1a, whatever the
+/// ends of lines.
 pub fn hash(text: &[u8]) -> u64 {
+    let text = with_ends(text, false);
     text.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
         (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3)
     })
@@ -139,7 +157,7 @@ fn parse_record(text: &[u8]) -> Record {
         let path = OsStr::from_bytes(path.strip_prefix(b" ")?);
         Some((PathBuf::from(path), hash))
     };
-    text.split(|b| *b == b'\n').filter_map(entry).collect()
+    trimmed_lines(text).filter_map(entry).collect()
 }
 
 fn format_record(record: &Record) -> Vec<u8> {
@@ -156,15 +174,21 @@ impl Project {
     /// What there is to write, without writing it.
     pub fn plan(&self) -> Result<Plan, Faults> {
         let Expansion { web, files } = self.expand()?;
-        let record = self.read_record();
+        let record = self.read_record(&self.record);
         let removed = self.removals(&files, &record)?;
         let (mut outputs, mut faults) = (Vec::new(), Vec::new());
+        let words = LazyCell::new(|| self.words());
         for (path, tangled) in files {
             // Compare a file with its text
             let disk = fs::read(self.dir.join(&path)).unwrap_or_default();
             let changed = disk != tangled.text;
             if is_edited(&disk, &tangled.text, record.get(&path)) {
-                faults.push(refuse(&path, disk, &tangled, &web));
+                let marks = conflicts(&path, &disk);
+                if marks.is_empty() {
+                    let edit = refuse(&path, &disk, &tangled, &web, &words);
+                    faults.push(edit);
+                }
+                faults.extend(marks);
             }
             outputs.push(Output { path, tangled, changed });
         }
@@ -178,7 +202,10 @@ impl Project {
         for chapter in &self.chapters {
             let name = chapter.as_os_str().as_bytes().to_vec();
             match fs::read(self.dir.join(chapter)) {
-                Ok(text) => sources.push(Source::new(name, text)),
+                Ok(text) => {
+                    faults.extend(conflicts(chapter, &text));
+                    sources.push(Source::new(name, text));
+                }
                 Err(e) => {
                     faults.push(Diagnostic::failure("read", chapter, &e))
                 }
@@ -187,9 +214,47 @@ impl Project {
         checked(sources, faults).and_then(expand_sources)
     }
 
-    pub fn read_record(&self) -> Record {
-        let text = fs::read(self.dir.join(&self.record));
+    pub fn read_record(&self, path: &Path) -> Record {
+        let text = fs::read(self.dir.join(path));
         parse_record(&text.unwrap_or_default())
+    }
+
+    /// The record that was kept, if nobody names it.
+    fn find_record(&self) -> PathBuf {
+        let own = PathBuf::from(".tangled");
+        if self.dir.join(&own).exists() {
+            return own;
+        }
+        let files = self.expand().map_or(Vec::new(), |all| all.files);
+        let above = files.iter().flat_map(|(path, _)| path.ancestors());
+        let mut records = above.map(|above| above.join(&own));
+        let has = |record: &Record| {
+            files.iter().any(|(path, _)| record.contains_key(path))
+        };
+        records.find(|path| has(&self.read_record(path))).unwrap_or(own)
+    }
+
+    /// What follows the name of a command on this project, for a shell.
+    fn words(&self) -> String {
+        let all = &self.chapters;
+        let of = included(&self.dir, &all[0]);
+        let count =
+            if of.is_ok_and(|of| of == *all) { 1 } else { all.len() };
+        let mut words = Vec::new();
+        if !self.dir.as_os_str().is_empty() {
+            words.extend([Path::new("-C"), &self.dir]);
+        }
+        if self.record != self.find_record() {
+            words.extend([Path::new("--record"), &self.record]);
+        }
+        words.extend(all[..count].iter().map(PathBuf::as_path));
+        let plain =
+            |c: char| c.is_ascii_alphanumeric() || "-_./".contains(c);
+        let word = |word: &&Path| match shown(word) {
+            bare if bare.chars().all(plain) => format!(" {bare}"),
+            _ => shown(quoted(word.as_os_str())),
+        };
+        words.iter().map(word).collect()
     }
 
     /// The recorded files that no chunk defines any more.
@@ -219,7 +284,12 @@ pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
         if web.uses.contains_key(name) || !is_file_name(name) {
             continue;
         }
-        let path = Path::new(OsStr::from_bytes(name));
+        let path = plain(Path::new(OsStr::from_bytes(name)));
+        if files.iter().any(|(other, _)| *other == path) {
+            let position = web.position(chunk.definitions[0]);
+            let text = "another chunk is this file";
+            faults.push(Diagnostic::new(Level::Error, position, text));
+        }
         let rust = name.ends_with(b".rs");
         let layout = Layout { rust, ..Layout::default() };
         match tangle(&web, &[name], &layout) {
@@ -231,11 +301,9 @@ pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
                     .line(head.line)
                     .is_some_and(|l| l.ends_with(b"\r"))
                 {
-                    let lines = tangled.text.split(|b| *b == b'\n');
-                    let lines: Vec<_> = lines.collect();
-                    tangled.text = lines.join(&b"\r\n"[..]);
+                    tangled.text = with_ends(&tangled.text, true);
                 }
-                files.push((path.to_owned(), tangled));
+                files.push((path, tangled));
             }
             Err(more) => faults.extend(more),
         }
@@ -258,6 +326,31 @@ impl Web {
     }
 }
 
+/// The lines by which git marks a conflict.
+pub fn conflicts(path: &Path, text: &[u8]) -> Faults {
+    let mark = |(line, text): (usize, &[u8])| {
+        let sign = *text.first().filter(|sign| b"<|=>".contains(sign))?;
+        let rest = text.strip_prefix(&[sign; 7])?;
+        let ends = rest.first().is_none_or(u8::is_ascii_whitespace);
+        ends.then_some((line, sign))
+    };
+    let marks = lines(text).enumerate().filter_map(mark);
+    let marks: Vec<_> = marks.collect();
+    let is_sure = marks.iter().any(|(_, sign)| b"<>".contains(sign));
+    let fault = |(line, _)| {
+        edit_fault(path, line, "a conflict of git is not resolved here")
+            .with_help("keep what holds, and remove the line")
+    };
+    marks.into_iter().filter(|_| is_sure).map(fault).collect()
+}
+
+/// A fault of a line of a file, counted from 0.
+pub fn edit_fault(path: &Path, line: usize, text: &str) -> Diagnostic {
+    let (file, line) = (shown(path), line as u32 + 1);
+    let position = Position { file, line, column: 1, excerpt: None };
+    Diagnostic::new(Level::Error, Some(position), text)
+}
+
 fn orphan(path: &Path) -> Diagnostic {
     let path = shown(path);
     let text = format!("no chunk defines {path}, an edited file");
@@ -268,19 +361,26 @@ fn orphan(path: &Path) -> Diagnostic {
 /// Does a file hold an edit? Not if it is the text, or has the hash of
 /// what was tangled last.
 pub fn is_edited(disk: &[u8], text: &[u8], last: Option<&u64>) -> bool {
-    let bare = text.strip_suffix(b"\n").unwrap_or(text);
-    let known = disk.is_empty() || disk == text || disk == bare;
+    let bare = |text: &[u8]| {
+        let mut text = with_ends(text, false);
+        text.pop_if(|last| *last == b'\n');
+        text
+    };
+    let known = disk.is_empty() || bare(disk) == bare(text);
     !known && last != Some(&hash(disk))
 }
 
 fn refuse(
     path: &Path,
-    disk: Vec<u8>,
+    disk: &[u8],
     tangled: &Tangled,
     web: &Web,
+    words: &str,
 ) -> Diagnostic {
-    let (line, column) = first_difference(&disk, &tangled.text);
-    let file = Source::new(path.as_os_str().as_bytes().to_vec(), disk);
+    let disk = with_ends(disk, false);
+    let now = with_ends(&tangled.text, false);
+    let (line, column) = first_difference(&disk, &now);
+    let file = Source::new(shown(path).into(), disk);
     let position = file.position(Place { file: 0, line, column });
     let text = "this file was edited by hand since it was tangled";
     let mut fault = Diagnostic::new(Level::Error, Some(position), text);
@@ -293,7 +393,7 @@ fn refuse(
         fault = fault.with_help(help);
     }
     fault
-        .with_help("`noweb untangle' carries the edit there")
+        .with_help(format!("to carry it there: noweb untangle{words}"))
         .with_help(format!("delete {} to drop the edit", shown(path)))
 }
 
@@ -392,8 +492,7 @@ fn report_stale(plan: Plan) -> (Faults, bool) {
 
 /// The project that the arguments name, and whether only to check.
 pub fn parse(args: &[OsString]) -> Result<(Project, bool), String> {
-    let record = PathBuf::from(".tangled");
-    let mut project = Project { record, ..Project::default() };
+    let mut project = Project::default();
     let mut check = false;
     let mut args = args.iter();
     while let Some(arg) = args.next() {
@@ -418,8 +517,11 @@ pub fn parse(args: &[OsString]) -> Result<(Project, bool), String> {
             format!("cannot read {} and its chapters: {e}", shown(master))
         })?;
     }
-    match project.chapters.is_empty() {
-        true => Err("no chapters to tangle".into()),
-        false => Ok((project, check)),
+    if project.chapters.is_empty() {
+        return Err("no chapters to tangle".into());
     }
+    if project.record.as_os_str().is_empty() {
+        project.record = project.find_record();
+    }
+    Ok((project, check))
 }

@@ -17,17 +17,18 @@ use proc_macro2::LexError;
 
 use crate::Streams;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, Position, bytes_of, shown, text_of,
+    Diagnostic, Faults, Level, Place, Position, Source, bytes_of, shown,
+    text_of,
 };
 use crate::finduses::Recogniser;
 use crate::markup::parse_token;
 use crate::rust_names::{File, Kind, Names, Token, is_keyword, tokens};
 use crate::rust_uses::uses;
 use crate::stream::{self, Mark, Outcome};
-use crate::web::{Piece, Web};
+use crate::tangle::{Layout, Segment, tangle};
+use crate::web::Web;
 
 /// The text of a file, and the lines of the stream that it is made of.
-#[derive(Default)]
 struct Text {
     source: String,
     /// The bytes that come from each line.
@@ -35,32 +36,19 @@ struct Text {
 }
 
 impl Text {
-    /// Appends a chunk; none if it cannot be expanded.
-    fn expand<'w>(
-        &mut self,
-        web: &'w Web,
-        name: &'w [u8],
-        open: &mut Vec<&'w [u8]>,
-    ) -> Option<()> {
-        if open.contains(&name) {
-            return None;
-        }
-        open.push(name);
-        for (piece, place) in &web.chunks[web.find(name)?].pieces {
-            match piece {
-                Piece::Use(name) => self.expand(web, name, open)?,
-                Piece::Newline => self.source.push('\n'),
-                // Append a text with its line
-                Piece::Text(text) => {
-                    let start = self.source.len();
-                    self.source += std::str::from_utf8(text).ok()?;
-                    let range = start..self.source.len();
-                    self.parts.push((range, place.line as usize));
-                }
-            }
-        }
-        open.pop();
-        Some(())
+    /// The text of a root; none if it cannot be tangled.
+    fn new(web: &Web, name: &[u8], lines: &[&[u8]]) -> Option<Self> {
+        let tangled = tangle(web, &[name], &Layout::default()).ok()?;
+        let text = Source::new(Vec::new(), tangled.text);
+        let part = |segment: &Segment| {
+            let line = segment.place.line as usize;
+            let length = lines[line].strip_prefix(b"@text ")?.len();
+            let start = text.start(segment.line)?;
+            let start = start + segment.column as usize - 1;
+            Some((start..start + length, line))
+        };
+        let parts = tangled.map.iter().filter_map(part).collect();
+        Some(Self { source: String::from_utf8(text.text).ok()?, parts })
     }
 
     /// The lines of the stream that a range of bytes comes from, and which
@@ -181,17 +169,13 @@ impl<'n> Notes<'_, 'n> {
         Position { file: text_of(file), line, column: 1, excerpt: None }
     }
 }
-fn sources(web: &Web) -> Vec<(String, Text)> {
-    let mut files = Vec::new();
-    for chunk in &web.chunks {
-        let mut text = Text::default();
-        let name = &chunk.name[..];
-        let root = name.ends_with(b".rs") && !web.uses.contains_key(name);
-        if root && text.expand(web, name, &mut Vec::new()).is_some() {
-            files.push((text_of(name), text));
-        }
-    }
-    files
+fn sources(web: &Web, lines: &[&[u8]]) -> Vec<(String, Text)> {
+    let names = web.chunks.iter().map(|chunk| &chunk.name[..]);
+    let roots = names.filter(|name| {
+        name.ends_with(b".rs") && !web.uses.contains_key(*name)
+    });
+    let file = |name| Some((text_of(name), Text::new(web, name, lines)?));
+    roots.filter_map(file).collect()
 }
 
 impl<'n> Notes<'_, 'n> {
@@ -421,7 +405,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
     let lines: Vec<&[u8]> = stream::lines(stream).collect();
     let mut notes = Notes { lines: &lines, ..Notes::default() };
     let (mut texts, mut files) = (Vec::new(), Vec::new());
-    let sources = sources(&web(&lines));
+    let sources = sources(&web(&lines), &lines);
     // Cut the sources into tokens
     for (path, text) in &sources {
         match tokens(&text.source) {

@@ -22,12 +22,12 @@ use similar::{Algorithm, DiffTag, capture_diff_slices};
 use crate::Streams;
 use crate::cpif::replace;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, Position, Source, bytes_of, checked,
-    shown, text_of,
+    Diagnostic, Faults, Place, Source, bytes_of, checked, text_of,
 };
 use crate::markup::begins_docs;
 use crate::project::{
-    Expansion, Project, expand_sources, hash, is_edited, parse,
+    Expansion, Project, conflicts, edit_fault, expand_sources, hash,
+    is_edited, parse, with_ends,
 };
 use crate::tangle::{Layout, Segment, Tangled, tangle};
 use crate::web::Web;
@@ -67,7 +67,7 @@ type Edited = BTreeMap<PathBuf, Vec<u8>>;
 
 impl Project {
     fn edited(&self, now: &Expansion) -> Result<Edited, Faults> {
-        let record = self.read_record();
+        let record = self.read_record(&self.record);
         let (mut edited, mut faults) = (Edited::new(), Vec::new());
         for (path, tangled) in &now.files {
             let text = fs::read(self.dir.join(path)).unwrap_or_default();
@@ -75,6 +75,8 @@ impl Project {
             if !is_edited(&text, &tangled.text, last) {
                 continue;
             }
+            let text = with_ends(&text, tangled.text.ends_with(b"\r\n"));
+            faults.extend(conflicts(path, &text));
             if last != Some(&hash(&tangled.text)) {
                 faults.push(changed_twice(path, &tangled.text, &text));
             }
@@ -299,12 +301,6 @@ impl<'a> Carrier<'a> {
 const OUTSIDE: &str = "this edit is not in the text of one chunk";
 const AMBIGUOUS: &str = "this edit may belong to either of two places";
 
-fn edit_fault(path: &Path, line: usize, text: &str) -> Diagnostic {
-    let (file, line) = (shown(path), line as u32 + 1);
-    let position = Position { file, line, column: 1, excerpt: None };
-    Diagnostic::new(Level::Error, Some(position), text)
-}
-
 /// A web that consists of one line of code.
 fn web_of(line: &[u8]) -> Web {
     let chapter = [b"<<*>>=\n", line, b"\n"].concat();
@@ -423,7 +419,8 @@ impl Project {
     /// With `check` nothing is written.
     pub fn untangle(&self, check: bool) -> Result<Vec<String>, Faults> {
         let old = self.expand()?;
-        self.removals(&old.files, &self.read_record())?;
+        let record = self.read_record(&self.record);
+        self.removals(&old.files, &record)?;
         let edited = self.edited(&old)?;
         let splices = carry_all(&old, &edited)?;
         let sources = apply(&old.web.sources, splices);

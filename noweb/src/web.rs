@@ -153,7 +153,19 @@ impl Web {
             let name = quoted(&chunk.name);
             if !used(chunk) && chunk.name != b"*" && !is_root(&chunk.name) {
                 let text = format!("chunk {name} is never used");
-                faults.push(self.warn(chunk, text));
+                let file = [b"./", &chunk.name[..]].concat();
+                let help = match is_root(&file) {
+                    true => format!(
+                        "if it is a file, call it {}",
+                        text_of(&file)
+                    ),
+                    false => {
+                        "a file is named like src/main.rs, without spaces \
+                              and inside the project"
+                            .into()
+                    }
+                };
+                faults.push(self.warn(chunk, text).with_help(help));
             } else if used(chunk) && !marked[index] {
                 // Report the chunk if it marks itself
                 self.mark_below(index, &mut marked);

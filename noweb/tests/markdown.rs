@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use noweb::diagnostic::Source;
-use noweb::markdown::weave;
-use noweb::project::expand_sources;
+use noweb::markdown::{Form, weave};
+use noweb::project::{expand_sources, included};
 
 const NOWEB: &str = env!("CARGO_BIN_EXE_noweb");
 
@@ -22,7 +22,7 @@ fn chapter(name: &str, text: &str) -> Source {
 
 /// The pages of some chapters, each in a file of its own.
 fn woven(chapters: &[Source]) -> Vec<String> {
-    let pages = weave(chapters, false, false).unwrap();
+    let pages = weave(chapters, Form::Files, false).unwrap();
     let text = |page| String::from_utf8(page).unwrap();
     pages.into_iter().map(text).collect()
 }
@@ -46,6 +46,81 @@ fn a_definition_in_a_fence_or_indented_is_prose() {
         files.iter().map(|(path, _)| path.to_str()).collect();
     assert_eq!(names, [Some("a.rs"), Some("b.rs")]);
     assert_eq!(files[0].1, "```\nx << 1;\n@rest\n");
+}
+
+/// The files of a text in which CHUNK is one, and of one behind it.
+fn names_with(text: &str) -> Vec<String> {
+    let text = text.replace("CHUNK", "<<a.c>>=\na\n@");
+    let files = tangled(&(text + "\n\n<<z.c>>=\nz\n@\n")).into_iter();
+    files.map(|(path, _)| path.display().to_string()).collect()
+}
+
+#[test]
+fn what_commonmark_shows_as_it_is_holds_no_chunk_and_hides_none() {
+    for text in [
+        "* ~~~\n  a\n  ~~~\n\nCHUNK\n\n* ~~~\n  b",
+        "1) - ```rs\n     a\n\nCHUNK\n",
+        "> - ````\n>   a\n\nCHUNK",
+        "- a\n\n\t```\n\ta\n\nCHUNK",
+        "    ```\nCHUNK",
+        "<!-- a\n\n~~~\n--> b\nCHUNK",
+        "<PRE class=a>\n```\n</pre>\nCHUNK",
+        "<style>\n```\n\n</style>\nCHUNK",
+        "<div>\n```\n\nCHUNK",
+        "<prelude>\nCHUNK\n</prelude>",
+        "a <!-- b\n```c`\nCHUNK",
+    ] {
+        assert_eq!(names_with(text), ["a.c", "z.c"], "{text}");
+    }
+    for text in [
+        "<!--\nCHUNK\n\nCHUNK\n-->",
+        "<Pre>\n\nCHUNK\n</pre>",
+        "- a\n\n<script>\nCHUNK\n</script>",
+        "<?a\nCHUNK\n?>",
+        "> a\n```\nCHUNK\n- ```\n ```",
+    ] {
+        assert_eq!(names_with(text), ["z.c"], "{text}");
+    }
+    for text in ["a\n\n<!-- b\n<<c.c>>=\n", "\r\n\n ~~~\n> ~~~\n"] {
+        let faults =
+            expand_sources(vec![chapter("a.md", text)]).unwrap_err();
+        let told = faults[0].to_string();
+        assert!(
+            told.starts_with("a.md:3:1: warning: open block"),
+            "{told}"
+        );
+    }
+}
+
+#[test]
+fn quoted_code_is_what_commonmark_takes_for_it() {
+    let web =
+        "é`a\nf` b `f` c \\`f` <i x=\"`f`\">\n\n<<a.c>>=\nf\n@ %def f\n";
+    let page = &woven(&[chapter("a.md", web)])[0];
+    let prose = "é`a\nf` b [`f`](#chunk-1-1) c \\`f` <i x=\"`f`\">\n";
+    assert!(page.starts_with(prose), "{page}");
+    let latin = [b"\xe9 `f`\n".as_slice(), &web.as_bytes()[2..]].concat();
+    let latin = Source::new("a.md".into(), latin);
+    let page = &weave(&[latin], Form::Document, false).unwrap()[0];
+    assert!(page.starts_with(b"\xe9 [`f`](#chunk-1-1)\n`a\n"));
+}
+
+#[test]
+fn mdbook_hides_no_line_of_a_chunk() {
+    let code = "a\n# b\n#\n\u{a0}##c\n#[d]\n  #![e]\n#f\n";
+    let shown = "a\n## b\n##\n\u{a0}###c\n#[d]\n  #![e]\n##f\n";
+    let text = format!("# T\n\n```rust\n# x\n```\n\n<<NAME>>=\n{code}@\n");
+    for (name, form, code) in [
+        ("a.rs", Form::Book, shown),
+        ("a.rs", Form::Files, code),
+        ("a.py", Form::Book, code),
+    ] {
+        let web = chapter("a.md", &text.replace("NAME", name));
+        let page = weave(&[web], form, false).unwrap().concat();
+        let page = String::from_utf8(page).unwrap();
+        assert!(page.contains(&format!("\n{code}```\n")), "{page}");
+        assert!(page.contains("```rust\n# x\n"), "{page}");
+    }
 }
 
 #[test]
@@ -86,7 +161,8 @@ fn what_is_defined_and_used_is_linked_both_ways() {
          - ⟨src/a.py⟩ [1.1](../a.md#chunk-1-1)\n\n\
          - `f` [1.1](../a.md#chunk-1-1); used in [2.1](#chunk-2-1)\n\n"
     );
-    let faults = weave(&[chapter("a.nw", "")], true, false).unwrap_err();
+    let faults =
+        weave(&[chapter("a.nw", "")], Form::Document, false).unwrap_err();
     assert!(faults[0].to_string().contains("no Markdown"));
 }
 
@@ -145,23 +221,33 @@ fn pages_go_to_files_and_never_over_a_chapter() {
 }
 
 #[test]
-fn a_summary_lists_the_chapters_and_nothing_else() {
+fn a_summary_is_read_as_mdbook_reads_it() {
     let place = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| {
-        fs::write(place.path().join(name), text).unwrap();
+    let chapters = |text: &str| {
+        fs::write(place.path().join("SUMMARY.md"), text).unwrap();
+        let found = included(place.path(), "SUMMARY.md".as_ref());
+        found.map(|all| {
+            all.iter().map(|p| p.display().to_string()).collect()
+        })
     };
-    write("SUMMARY.md", "- [A](a.md)\n- [Draft]()\n- [Web](http://b.c)\n");
-    write("a.md", "<<a.txt>>=\nx\n@\n");
-    let tangle = || {
-        let mut tangle = Command::new(NOWEB);
-        tangle.args(["tangle", "SUMMARY.md"]).current_dir(&place);
-        tangle.output().unwrap()
-    };
-    assert!(tangle().status.success());
-    assert_eq!(fs::read(place.path().join("a.txt")).unwrap(), b"x\n");
-    write("lost.md", "");
-    let told = String::from_utf8(tangle().stderr).unwrap();
-    assert!(told.contains("SUMMARY.md does not include lost.md"), "{told}");
+    let text = "# [Title](no.md)\n\n[a](a.md)\n\n# Part\n\n\
+                - [b](<b c.md> \"no.md\")\n    * [d](./d/e%20f.md) [](no.md)\n\
+                - [draft](<>)\n- [`](no.md)`](g.md)\n<!-- [](no.md)\n-->\n\
+                - [h][i] ![](no.md)\n\n      [](no.md)\n\n---\n\
+                [j \\] j](j&amp;.md)<!-- [](no.md) --> \\[](no.md)\n\n\
+                [i]: h.md (no.md)\n";
+    let found: Vec<String> = chapters(text).unwrap();
+    let right = ["a", "b c", "d/e f", "g", "h", "j&"];
+    let right = right.map(|name| format!("{name}.md"));
+    assert_eq!((&*found[0], &found[1..]), ("SUMMARY.md", &right[..]));
+    let once = chapters("- [](a.md)\n- [](./a.md)\n- [](SUMMARY.md)\n");
+    assert_eq!(once.unwrap(), ["SUMMARY.md", "a.md"]);
+    fs::write(place.path().join("lost.md"), "").unwrap();
+    let lost = chapters("<!-- [](lost.md) -->\n[](http://a.b)\n");
+    let lost = lost.unwrap_err().to_string();
+    assert!(lost.contains("SUMMARY.md does not include lost.md"), "{lost}");
+    chapters("[](lost.md)").unwrap();
+    assert!(included(place.path(), "./SUMMARY.md".as_ref()).is_ok());
 }
 
 #[test]
@@ -228,7 +314,7 @@ fn public_files_are_woven_unchanged() {
     for path in files {
         let text = fs::read(&path).unwrap();
         let plain = Source::new(b"a.md".into(), text.clone());
-        let page = weave(&[plain], true, false);
+        let page = weave(&[plain], Form::Document, false);
         assert!(page.unwrap()[0] == text, "{}", path.display());
         // Before a chunk the same prose goes through all stages.
         let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
@@ -237,7 +323,7 @@ fn public_files_are_woven_unchanged() {
         let chunk = b"\n```\n~~~\n```\n~~~\n<<zzqq>>=\n1\n@\n";
         let whole = [&text[..], chunk].concat();
         let whole = Source::new(b"a.md".into(), whole);
-        let page = weave(&[whole], true, false).unwrap();
+        let page = weave(&[whole], Form::Document, false).unwrap();
         assert!(page[0].starts_with(&text), "{}", path.display());
     }
 }
@@ -309,4 +395,81 @@ fn a_new_program_runs_at_once_and_errors_lie_in_its_chapters() {
     let told = map.current_dir(&dir).output().unwrap();
     let told = String::from_utf8_lossy(&told.stderr).into_owned();
     assert!(told.contains("chapters/command.md:22:"), "{told}");
+}
+
+#[test]
+fn a_name_that_cargo_refuses_makes_nothing() {
+    let place = tempfile::tempdir().unwrap();
+    let new = |name: &str| {
+        let mut new = Command::new(NOWEB);
+        new.args(["new", name, "--latex"]).current_dir(&place);
+        let told = String::from_utf8(new.output().unwrap().stderr).unwrap();
+        (place.path().join(name).exists(), told)
+    };
+    for name in
+        "build deps examples incremental test fn Self async try std \
+                 core proc-macro CON lpt9 1a é -a a.b"
+            .split(' ')
+    {
+        let (is_made, told) = new(name);
+        assert!(!is_made && told.starts_with("error: "), "{name}: {told}");
+    }
+    for name in ["MASTER", "tests", "com0", "a_NAME-1", "Fn"] {
+        assert_eq!(new(name), (true, String::new()));
+        let read =
+            |file| fs::read_to_string(place.path().join(name).join(file));
+        let line = format!("\nname = \"{name}\"\n");
+        assert!(read("Cargo.toml").unwrap().contains(&line));
+        let title = format!("\\detokenize{{{name}}}");
+        assert!(read("book.nw").unwrap().contains(&title));
+        assert!(read("build.rs").unwrap().contains("\"book.nw\"]"));
+    }
+}
+
+#[test]
+fn a_new_program_has_the_way_back_and_says_what_it_lacks() {
+    let (_place, dir) = new_program("--markdown");
+    let (_place, latex) = new_program("--latex");
+    let sh = |dir: &Path, line: &str| {
+        let line = line.replace("NOWEB", NOWEB);
+        let mut sh = Command::new("sh");
+        let done =
+            sh.args(["-c", &line]).current_dir(dir).output().unwrap();
+        let told = [done.stdout, done.stderr].concat();
+        (done.status.success(), String::from_utf8(told).unwrap())
+    };
+    for (dir, master) in
+        [(&dir, "chapters/SUMMARY.md"), (&latex, "book.nw")]
+    {
+        let edit = |from, to| {
+            let line = format!("sed -i s/{from}/{to}/ src/greeting.rs");
+            assert!(sh(dir, &line).0);
+        };
+        edit("Good.day", "Hello");
+        // The whole command that the refusal of the tangler gives.
+        let (done, told) = sh(dir, &format!("NOWEB tangle {master}"));
+        let (_, help) =
+            told.split_once("help: to carry it there: noweb").unwrap();
+        assert!(
+            !done && help.starts_with(&format!(" untangle {master}\n"))
+        );
+        let (done, told) = sh(dir, &format!("NOWEB untangle {master}"));
+        assert!(done && told.contains("greeting"), "{told}");
+        edit("Hello", "Hallo");
+        let (done, told) =
+            sh(dir, "PATH=$(dirname NOWEB):$PATH make -s untangle");
+        assert!(done && told.contains("greeting"), "{told}");
+        assert!(sh(dir, "grep -r Hallo chapters").0);
+        assert!(!dir.join(".tangled").exists());
+    }
+    let make = sh(&dir, "command -v make").1;
+    for (dir, verb, lacks) in [
+        (&dir, "html", "cargo install mdbook"),
+        (&dir, "watch", "cargo install mdbook"),
+        (&latex, "pdf", "apt-get install latexmk"),
+    ] {
+        let line = format!("PATH=/nowhere {} {verb}", make.trim());
+        let (done, told) = sh(dir, &line);
+        assert!(!done && told.contains(lacks), "{told}");
+    }
 }

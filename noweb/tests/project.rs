@@ -169,8 +169,8 @@ fn an_edit_by_hand_is_refused_with_its_chapter_line() {
         outcome.stderr(),
         "src/main.rs:8:10: error: this file was edited by hand since it \
          was tangled\n      count_by_hand();\n           ^\n  \
-         help: the line comes from chapters/a.nw:16\n  help: `noweb \
-         untangle' carries the edit there\n  help: delete src/main.rs to \
+         help: the line comes from chapters/a.nw:16\n  help: to \
+         carry it there: noweb untangle chapters/a.nw\n  help: delete src/main.rs to \
          drop the edit\n"
     );
     assert_eq!(scratch.read("src/main.rs"), edited);
@@ -394,13 +394,151 @@ fn the_command_that_is_mapped_keeps_its_options() {
 }
 
 #[test]
-fn lines_of_two_characters_stay_so_where_chunks_begin_and_end() {
+fn other_ends_of_lines_are_no_edit() {
+    let dos = |text: &str| text.replace('\n', "\r\n");
+    let plain = CHAPTER.replace("count();", "count(2);");
+    for (chapter, file) in [(false, true), (true, false), (true, true)] {
+        let scratch = project();
+        let given = |text: &str, is_dos| {
+            if is_dos { dos(text) } else { text.to_owned() }
+        };
+        scratch.write("chapters/a.nw", given(CHAPTER, chapter));
+        assert_eq!(tangle(&scratch, &[]).status, 0);
+        assert_eq!(scratch.read("a.mk"), given("all:\n\ttrue\n", chapter));
+        for name in ["src/main.rs", ".tangled"] {
+            let text = scratch.read(name).replace("\r\n", "\n");
+            scratch.write(name, given(&text, file));
+        }
+        let untangle = ["untangle", "chapters/a.nw"];
+        let none = run(scratch.path(), &untangle);
+        assert_eq!((none.status, none.stdout()), (0, String::new()));
+        let map =
+            ["map", "chapters/a.nw", "--", "echo", "src/main.rs:8:5:"];
+        let told = run(scratch.path(), &map).stdout();
+        assert_eq!(told, "chapters/a.nw:16:1:\n");
+        // An edit is one, and comes home with the ends of the chapter.
+        let edit = MAIN.replace("count();", "count(2);");
+        scratch.write("src/main.rs", given(&edit, file));
+        let told = tangle(&scratch, &[]).stderr();
+        assert!(told.starts_with("src/main.rs:8:11: error"), "{told}");
+        assert_eq!(run(scratch.path(), &untangle).status, 0);
+        assert_eq!(scratch.read("chapters/a.nw"), given(&plain, chapter));
+        // A file that was tangled is replaced, whatever its ends.
+        scratch.write("chapters/a.nw", given(CHAPTER, !chapter));
+        assert_eq!(tangle(&scratch, &[]).stderr(), "");
+        assert_eq!(scratch.read("src/main.rs"), given(MAIN, !chapter));
+    }
+}
+
+#[test]
+fn marks_of_a_conflict_are_refused_with_their_lines() {
     let scratch = project();
-    scratch.write("chapters/a.nw", CHAPTER.replace('\n', "\r\n"));
-    let outcome = tangle(&scratch, &[]);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
-    assert_eq!(scratch.read("src/main.rs"), MAIN.replace('\n', "\r\n"));
-    assert_eq!(scratch.read("a.mk"), "all:\r\n\ttrue\r\n");
+    tangle(&scratch, &[]);
+    let text = MAIN.replacen("fn", "<<<<<<< HEAD\nfn", 1)
+        + "||||||| 1234567\n=======\r\n>>>>>>> other\n";
+    let marks = |path: &str, lines: &[u32]| {
+        let text = "error: a conflict of git is not resolved here\n  \
+                    help: keep what holds, and remove the line\n";
+        let line = |line| format!("{path}:{line}:1: {text}");
+        lines.iter().map(line).collect::<String>()
+    };
+    scratch.write("src/main.rs", &text);
+    let told = marks("src/main.rs", &[4, 12, 13, 14]);
+    assert_eq!(tangle(&scratch, &[]).stderr(), told);
+    let untangle = ["untangle", "chapters/a.nw"];
+    assert_eq!(run(scratch.path(), &untangle).stderr(), told);
+    assert_eq!(scratch.read("src/main.rs"), text);
+    scratch.write("src/main.rs", MAIN);
+    for mark in ["<<<<<<<", "<<<<<<< a", ">>>>>>> b\r", ">>>>>>>"] {
+        scratch
+            .write("chapters/a.nw", format!("{CHAPTER}{mark}\n=======\n"));
+        let told = tangle(&scratch, &[]).stderr();
+        assert_eq!(told, marks("chapters/a.nw", &[30, 31]), "{mark}");
+    }
+    scratch.write("SUMMARY.md", "[](a.md)\n>>>>>>> b\n[](a.md)\n");
+    scratch.write("a.md", "<!--\n>>>>>>> b\n-->\n");
+    let both = marks("SUMMARY.md", &[2]) + &marks("a.md", &[2]);
+    let told = run(scratch.path(), &["tangle", "SUMMARY.md"]).stderr();
+    assert_eq!(told, both);
+    let woven = run(scratch.path(), &["noweave", "-md", "a.md"]);
+    assert_eq!((woven.status, woven.stderr()), (1, marks("a.md", &[2])));
+    let none = "Title\n=======\n|||||||\n >>>>>>> a\n<<<<<<<<\n>>>>>>>a\n";
+    scratch.write("a.md", format!("{none}\n<<a.txt>>=\n@<<<<<<< b\n@\n"));
+    let outcome = run(scratch.path(), &["tangle", "a.md"]);
+    assert_eq!(
+        (outcome.stderr(), scratch.read("a.txt").len()),
+        ("".into(), 10)
+    );
+}
+
+#[test]
+fn a_root_in_no_directory_is_a_file_and_told_how_to_be_one() {
+    let scratch = Scratch::new();
+    scratch.write(
+        "a.nw",
+        "<<./Makefile>>=\na:\n\tb\n<<../a>>=\n<<GNUmakefile>>=\n",
+    );
+    let outcome = run(scratch.path(), &["tangle", "a.nw"]);
+    assert_eq!(outcome.status, 0);
+    let told = |name: &str, line, help: &str| {
+        format!(
+            "a.nw:{line}:3: warning: chunk <<{name}>> is never used\n  \
+             <<{name}>>=\n    ^\n  help: {help}\n"
+        )
+    };
+    let inside = "a file is named like src/main.rs, without spaces and \
+                  inside the project";
+    let own =
+        told("GNUmakefile", 5, "if it is a file, call it ./GNUmakefile");
+    assert_eq!(outcome.stderr(), told("../a", 4, inside) + &own);
+    assert_eq!(scratch.read("Makefile"), "a:\n\tb\n");
+    let map = ["map", "a.nw", "--", "echo", "Makefile:2: ***"];
+    assert_eq!(run(scratch.path(), &map).stdout(), "a.nw:3: ***\n");
+    for names in ["./a/b a/b", "a//b a/b", "a/./b ./a/b"] {
+        let (one, two) = names.split_once(' ').expect("two names");
+        scratch.write("a.nw", format!("<<{one}>>=\n1\n<<{two}>>=\n2\n"));
+        let told = run(scratch.path(), &["tangle", "a.nw"]).stderr();
+        let said = "a.nw:3:3: error: another chunk is this file";
+        assert!(told.starts_with(said), "{told}");
+    }
+}
+
+#[test]
+fn the_record_is_found_where_the_files_are() {
+    let scratch = project();
+    tangle(&scratch, &["--record", "src/.tangled"]);
+    // A record of other files is left alone.
+    scratch.write("scripts/.tangled", "0000000000000000 scripts/other\n");
+    scratch.write("scripts/other", "");
+    scratch
+        .write("chapters/a.nw", CHAPTER.replace("count();", "count(2);"));
+    assert_eq!(tangle(&scratch, &[]).stderr(), "");
+    assert!(scratch.read("src/main.rs").contains("count(2);"));
+    assert_eq!(scratch.read("scripts/other"), "");
+    assert!(!scratch.path().join(".tangled").exists());
+}
+
+#[test]
+fn an_output_that_is_closed_from_the_start_is_an_error() {
+    let scratch = project();
+    for command in ["notangle -Ra.mk", "noroots", "noweave", "markup"] {
+        for closed in [">&-", "1</dev/null"] {
+            let noweb = noweb().display().to_string();
+            let line =
+                format!("'{noweb}' {command} chapters/a.nw {closed}");
+            let outcome = shell(&line, scratch.path(), scratch.path());
+            assert_eq!(outcome.status, 1, "{line}");
+            let said = "error: cannot write: standard output is closed\n";
+            assert_eq!(outcome.stderr(), said, "{line}");
+        }
+    }
+    for fine in
+        ["tangle chapters/a.nw >&-", "noroots chapters/a.nw >/dev/null"]
+    {
+        let line = format!("'{}' {fine}", noweb().display());
+        let outcome = shell(&line, scratch.path(), scratch.path());
+        assert_eq!((outcome.status, outcome.stderr()), (0, "".into()));
+    }
 }
 
 #[test]

@@ -16,8 +16,8 @@ use noweb::web::Web;
 
 /// Feeds bytes to every stage, as a web and as a stream.
 pub fn exercise(input: &[u8]) {
-    for tab in [0, 8] {
-        let source = Source::new(b"input".to_vec(), input.to_vec());
+    for (name, tab) in [("input", 0), ("input", 8), ("input.md", 0)] {
+        let source = Source::new(name.into(), input.to_vec());
         let (lexemes, faults) = mark_up(&source, 0, tab);
         let stream = write_stream(&lexemes);
         faults.iter().for_each(|fault| drop(fault.to_string()));
@@ -82,7 +82,11 @@ impl Random {
 
 /// A piece of some input, changed in a few places.
 pub fn mutate(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
-    let tokens: [&[u8]; 16] = [
+    let tokens: [&[u8]; 20] = [
+        b"```\n",
+        b"- ",
+        b"\n<!--",
+        b"`x`",
         b"<<",
         b">>",
         b">>=",
