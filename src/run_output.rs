@@ -14,6 +14,7 @@ use serde_json::{Map, Value, json};
 use crate::compare::display::{Curve, Exposure, cut_out, tonemap};
 use crate::film::Film;
 use crate::filter::{Filtered, FirstHits};
+use crate::image::levels::level;
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::Convergence;
@@ -196,8 +197,9 @@ impl<'a> RunOutput<'a> {
                 Product::Image(format) => format.write(&image(), out),
                 Product::Report(kind) => write!(out, "{}", page(kind)),
                 Product::Table(format) => {
+                    let grey = |value| level(value, 255) as u8;
                     let write = |(table, all): (&Table, _)| {
-                        table.write(format, all, film, out)
+                        table.write(format, (all, film), grey, out)
                     };
                     table.map_or(Ok(()), write)
                 }
