@@ -32,6 +32,7 @@ use clap::ValueEnum;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::numerics::cross;
 use crate::scene::{Ray, Scene, Triangle, Triangles};
 #[cfg(target_arch = "x86_64")]
 use kernels::Vectors;
@@ -176,6 +177,20 @@ impl Bvh {
     /// Whether there is a ground.
     pub fn has_ground(&self) -> bool {
         with_traverser!(&self.0, traverser => traverser.ground.is_some())
+    }
+
+    /// How far below a point the ground is; infinite without a ground.
+    pub fn ground_below(&self, point: DVec3) -> f64 {
+        let ground = with_traverser!(&self.0, own => own.ground.as_ref());
+        ground.map_or(f64::INFINITY, |ground| ground.below(point))
+    }
+
+    /// Whether a hit on a triangle is on its back, from where its corners go
+    /// round with the clock.
+    pub fn is_on_back(&self, hit: &Hit) -> bool {
+        let [a, b, c] = with_traverser!(&self.0,
+            own => own.wide.leaves.triangle(hit.primitive));
+        cross(b - a, c - a).dot(hit.normal) < 0.
     }
 
     /// The face of the file, from 0, that a `Hit::primitive` is part of.

@@ -18,6 +18,8 @@ use std::path::Path;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
+use crate::scene::encoding::shortened;
+
 pub use data::{BANDS, FILTERED, Image, Note, OPACITY, Picture, Source};
 pub use levels::luminance;
 
@@ -98,7 +100,7 @@ impl Image {
         let bytes: Vec<u8> = bytes
             .map_err(|error| format!("{name}: cannot read: {error}"))?;
         Self::decode(&bytes, &mut |text| note(&format!("{name}: {text}")))
-            .map_err(|fault| format!("{name}: {fault}"))
+            .map_err(|fault| format!("{name}: {}", shortened(&fault)))
     }
 
     /// Reads an image from the bytes of its file; `note` is told of what is

@@ -12,6 +12,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::{Bvh, GROUND};
+use crate::scene::encoding::quoted;
 use crate::scene::{Mark, MarkKind};
 
 /// What is taken of the three numbers of a material.
@@ -187,7 +188,8 @@ impl FaceAlbedos {
                 [MarkKind::Material, MarkKind::Group, MarkKind::Object];
             let known =
                 kinds.into_iter().flat_map(|kind| names(marks, kind));
-            let known: Vec<&str> = known.take(8).collect();
+            let known: Vec<_> = known.take(8).map(quoted).collect();
+            let name = quoted(name);
             return Err(format!(
                 ": no material, group or object is called {name} (--albedo \
                  {name}={albedo}); there are: {}",

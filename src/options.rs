@@ -29,6 +29,7 @@ use crate::image::Format;
 use crate::materials::Band;
 use crate::output::descriptor;
 use crate::render::choose::{Wanted, parse_method};
+use crate::scene::encoding::shortened;
 use crate::sensor::Side;
 use crate::sky::Cover;
 use crate::state::key::{Part, whole_window};
@@ -508,7 +509,7 @@ fn one_line(error: &clap::Error) -> String {
         |part: &str| part.split_whitespace().collect::<Vec<_>>().join(" ");
     let parts = [Some(fault), tip].into_iter().flatten();
     let line = parts.map(line).collect::<Vec<_>>().join("; ");
-    line.strip_prefix("error: ").unwrap_or(&line).to_owned()
+    shortened(line.strip_prefix("error: ").unwrap_or(&line))
 }
 
 /// Options all of which are replaced if one of them is given.

@@ -18,6 +18,7 @@ use crate::compare::display::{auto_stops, cut_out};
 use crate::compare::display::{seeming_surfaces, tonemap};
 use crate::film::Film;
 use crate::filter::{Filtered, FirstHits, surface_means};
+use crate::image::levels::level;
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::Convergence;
@@ -207,9 +208,10 @@ impl<'a> RunOutput<'a> {
                 Product::Image(format) => format.write(&image(), out),
                 Product::Report(kind) => write!(out, "{}", page(kind)),
                 Product::Table(format) => {
+                    let grey = |value| level(value, 255) as u8;
                     let write = |(table, all): (&Table, _)| {
                         let own = known.allocation();
-                        table.write(format, all, film, own, out)
+                        table.write(format, all, film, own, grey, out)
                     };
                     table.map_or(Ok(()), write)
                 }

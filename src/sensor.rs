@@ -17,8 +17,9 @@ use serde::{Deserialize, Serialize};
 use crate::bvh::{BEAM, Batch, Bvh, Hit, Intersector, NONE};
 use crate::bvh::{is_within, lifted};
 use crate::camera::Camera;
-use crate::numerics::{cross, normalise, power_of_two};
+use crate::numerics::{cross, normalise, power_of_two, sincos_turns};
 use crate::sampler::{to_unit, within};
+use crate::scene::encoding::{self, quoted};
 use crate::scene::{Entrance, Frame, Ray, Triangle, Triangles};
 
 /// What starts a sample.
@@ -135,9 +136,18 @@ pub struct Receivers {
     /// The number of each that may have a value, in the order of the film.
     pub numbers: Vec<u32>,
     surfaces: Surface,
-    /// The numbers of others, and why they have none.
-    pub refused: Vec<(u32, Refusal)>,
+    /// Why others have none, and their numbers.
+    pub refused: Vec<(Oddity, u32)>,
+    /// Why some have a value that may not be meant, and their numbers.
+    pub doubted: Vec<(Oddity, u32)>,
 }
+
+/// What odd receivers are, or have, in words.
+pub type Oddity = &'static str;
+
+/// What is around receivers: surfaces, their frame, and the unit vector to the
+/// zenith.
+pub type Around<'a> = (&'a Bvh, &'a Frame, DVec3);
 
 /// What receives.
 enum Surface {
@@ -192,14 +202,14 @@ impl Receivers {
         let all = all.par_iter().zip(normals).map(|(&p, &normal)| {
             let normal = normalise(normal).normalize_or_zero();
             let place = frame.entrance(p).place();
-            point(place.ok_or(Refusal::Far)?, normal)
+            point(place.ok_or("are too far away")?, normal)
         });
         Self::sifted(all.collect(), Surface::Points)
     }
 
     /// Those that may have a value, and the others.
     fn sifted<T>(
-        all: Vec<Result<T, Refusal>>,
+        all: Vec<Result<T, Oddity>>,
         surfaces: impl FnOnce(Vec<T>) -> Surface,
     ) -> Self {
         let (mut numbers, mut sound, mut refused) =
@@ -210,10 +220,11 @@ impl Receivers {
                     numbers.push(number);
                     sound.push(one);
                 }
-                Err(why) => refused.push((number, why)),
+                Err(why) => refused.push((why, number)),
             }
         }
-        Self { numbers, surfaces: surfaces(sound), refused }
+        let (surfaces, doubted) = (surfaces(sound), vec![]);
+        Self { numbers, surfaces, refused, doubted }
     }
 
     /// A point of each.
@@ -222,23 +233,34 @@ impl Receivers {
         (0..self.count()).map(middle).collect()
     }
 
-    /// Puts them in the order of their keys; points that are too close to a
-    /// surface of the hierarchy are refused.
-    pub fn settle(&mut self, bvh: &Bvh, key: impl Fn(&Hit) -> u64 + Sync) {
+    /// Puts them in the order of their keys, without those that cannot have a
+    /// value there.
+    pub fn settle(
+        &mut self,
+        around: Around,
+        key: impl Fn(&Hit) -> u64 + Sync,
+    ) {
         let is_point = matches!(self.surfaces, Surface::Points(_));
         let all = (0..self.count()).into_par_iter().map(|i| {
             let hit = self.hit(i, [1 << 31; 2]);
-            (is_point && is_close(bvh, hit.point), key(&hit), i)
+            let odd = is_point.then(|| oddity(around, &hit));
+            let (is_refused, why) = odd.unwrap_or_default();
+            (is_refused, key(&hit), i, why)
         });
         let mut all: Vec<_> = all.collect();
         all.par_sort_unstable();
-        let close = all.partition_point(|&(is_close, ..)| !is_close);
-        let close = all.split_off(close).into_iter();
-        let close = close.map(|(.., i)| (self.numbers[i], Refusal::Close));
-        self.refused.extend(close);
-        self.refused.sort_unstable_by_key(|&(number, _)| number);
+        // Set odd receivers aside
+        let odd = all.iter().filter(|(.., why)| !why.is_empty());
+        for &(is_refused, _, i, why) in odd {
+            let [sound, none] = [&mut self.doubted, &mut self.refused];
+            let odd = if is_refused { none } else { sound };
+            odd.push((why, self.numbers[i]));
+        }
+        self.refused.sort_unstable();
+        self.doubted.sort_unstable();
+        all.retain(|(is_refused, ..)| !is_refused);
         // Put receivers in order
-        let order = all.iter().map(|&(.., i)| i);
+        let order = all.iter().map(|&(_, _, i, _)| i);
         self.numbers = order.clone().map(|i| self.numbers[i]).collect();
         match &mut self.surfaces {
             Surface::Points(hits) => {
@@ -256,33 +278,42 @@ impl Receivers {
 const LIFT: f64 = power_of_two(-9);
 
 /// A lifted point of the scene.
-fn point(place: DVec3, normal: DVec3) -> Result<Hit, Refusal> {
+fn point(place: DVec3, normal: DVec3) -> Result<Hit, Oddity> {
     let hit = Hit { point: place + normal * LIFT, normal, primitive: NONE };
     let has_normal = normal != DVec3::ZERO && normal.is_finite();
-    has_normal.then_some(hit).ok_or(Refusal::Normal)
+    has_normal.then_some(hit).ok_or("have no normal")
 }
 
-/// Whether a surface is closer to a point than an eighth of the lift.
-fn is_close(bvh: &Bvh, point: DVec3) -> bool {
-    let reach = 0.125 * LIFT;
+/// Whether a triangle of a kind is this close to a point.
+fn has_near(
+    bvh: &Bvh,
+    point: DVec3,
+    reach: f64,
+    is_meant: impl Fn(&Triangle) -> bool,
+) -> bool {
     let (low, high) = (point - reach, point + reach);
     bvh.any_triangle(
         |a, b| a.cmple(high).all() && low.cmple(b).all(),
-        |_, corners| is_within(corners, point, reach),
+        |_, corners| is_within(corners, point, reach) && is_meant(corners),
     )
 }
 
-/// A point and its normal.
-type Point = (DVec3, DVec3);
+/// A point, its normal, and the line that they stand in.
+type Point = (DVec3, DVec3, u32);
 
-/// Reads points with normals, in the coordinates of the file.
+/// Reads points with normals, in the coordinates of the file; a warning tells
+/// what was left out of a compressed one. Messages begin with a colon.
 ///
 /// # Errors
-/// The line at fault, from 1, and what is wrong with it, to be put behind the
-/// name of the file; or there is no point.
-pub fn read_points(text: &[u8]) -> Result<Vec<Point>, String> {
-    let text = str::from_utf8(text).map_err(|_| ": not UTF-8 text")?;
-    let lines: Vec<&str> = text.lines().collect();
+/// The line at fault, from 1, and what is wrong with it; or there is no
+/// point, or the file cannot be unpacked.
+pub fn read_points(
+    source: &[u8],
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Point>, String> {
+    let text = encoding::text(source, warnings)?;
+    let text = String::from_utf8_lossy(&text).replace("\r\n", "\n");
+    let lines: Vec<&str> = text.split(['\n', '\r']).collect();
     let numbered = lines.par_iter().enumerate();
     let points =
         numbered.filter_map(|(i, line)| read_point(i, line).transpose());
@@ -293,40 +324,94 @@ pub fn read_points(text: &[u8]) -> Result<Vec<Point>, String> {
 
 /// The point of a line, unless it is a comment, empty, or the head.
 fn read_point(i: usize, line: &str) -> Result<Option<Point>, String> {
-    let is_blank = |c: char| c.is_whitespace() || ",;".contains(c);
-    let line = line.trim_start_matches('\u{feff}');
-    let words: Vec<&str> =
-        line.split(is_blank).filter(|word| !word.is_empty()).collect();
-    let numbers = words.iter().filter_map(|word| word.parse().ok());
-    let numbers: Vec<f64> = numbers.collect();
-    let is_head = i == 0 || words.is_empty();
-    if line.trim_start().starts_with('#') || numbers.is_empty() && is_head {
+    let is_gap =
+        |c: char| c.is_whitespace() || ";\"\u{feff}\u{1a}".contains(c);
+    let words = line.split(|c| is_gap(c) || c == ',');
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    let numeral = |c| "0123456789+-.".contains(c);
+    let is_text = |word: &&str| !word.starts_with(numeral);
+    let is_comment = words.first().is_none_or(|w| w.starts_with('#'));
+    if is_comment || i == 0 && words.iter().all(is_text) {
         return Ok(None);
     }
-    let is_finite = numbers.iter().all(|n| n.is_finite());
+    // Make a point of six numbers
+    let numbers = words.iter().filter_map(|word| word.parse().ok());
+    let numbers = numbers.filter(|x: &f64| x.is_finite());
+    let numbers: Vec<f64> = numbers.collect();
+    let is_decimal =
+        |field: &str| field.trim_matches(',').matches(',').count() == 1;
+    let hint = match line.split(is_gap).any(is_decimal) {
+        true => "; a decimal sign is a point, as in 0.5",
+        false => "",
+    };
     match numbers[..] {
-        [x, y, z, nx, ny, nz] if is_finite && words.len() == 6 => {
-            Ok(Some((DVec3::new(x, y, z), DVec3::new(nx, ny, nz))))
+        [x, y, z, nx, ny, nz] if words.len() == 6 && hint.is_empty() => {
+            let normal = DVec3::new(nx, ny, nz);
+            Ok(Some((DVec3::new(x, y, z), normal, i as u32 + 1)))
         }
         _ => Err(format!(
-            ":{}: expected x y z nx ny nz, six numbers, and not '{}'",
+            ":{}: expected x y z nx ny nz, six numbers, and not '{}'{hint}",
             i + 1,
-            line.trim().escape_debug()
+            quoted(line)
         )),
     }
 }
 
-/// Why a receiver has no value.
-#[derive(Clone, Copy, PartialEq)]
-pub enum Refusal {
-    /// Its normal has the length zero.
-    Normal,
-    /// It is too close to a surface on which it does not lie.
-    Close,
-    /// It is far away from the scene.
-    Far,
-    /// It has no area.
-    Area,
+/// Whether a point has no value, and why; or why it may not be meant. Nothing
+/// is said of others.
+fn oddity((bvh, frame, zenith): Around, hit: &Hit) -> (bool, Oddity) {
+    if bvh.ground_below(hit.point) < -0.75 * LIFT {
+        (true, "are below the ground")
+    } else if has_near(bvh, hit.point, 0.125 * LIFT, |_| true) {
+        (true, "are in an edge, or too close to a surface")
+    } else if frame.is_far(hit.point) {
+        (false, "are outside by ten times the size of the scene")
+    } else if looks_into(bvh, hit) {
+        (false, "have a normal into the surface that they lie on")
+    } else if is_inside(bvh, hit.point, zenith) {
+        (false, "are inside a closed body")
+    } else {
+        (false, "")
+    }
+}
+
+/// Whether the normal of a lifted point is into a surface on which it lay.
+fn looks_into(bvh: &Bvh, &Hit { point, normal, .. }: &Hit) -> bool {
+    has_near(bvh, point - normal * LIFT, LIFT, |&[a, b, c]| {
+        let front = cross(b - a, c - a);
+        front.dot(normal) < -0.125 * front.length()
+    })
+}
+
+/// Whether a point sees surfaces alone, and on the side of the sky their
+/// backs, as inside a closed body.
+fn is_inside(bvh: &Bvh, origin: DVec3, zenith: DVec3) -> bool {
+    (0..RAYS).all(|i| {
+        let direction = on_sphere(i);
+        let ray = |origin| Ray { origin, direction };
+        bvh.first_hit(&ray(origin), None).is_some_and(|hit| {
+            let left = Some(hit.primitive);
+            let next = || bvh.first_hit(&ray(hit.point), left);
+            let is_back = |next: Hit| {
+                next.point.distance(hit.point) < LIFT
+                    && bvh.is_on_back(&next)
+            };
+            zenith.dot(direction) <= 0.
+                || is_back(hit)
+                || next().is_some_and(is_back)
+        })
+    })
+}
+
+/// How many rays look for the faces around a point.
+const RAYS: u32 = 512;
+
+/// The direction of a ray, a point of a spiral.
+fn on_sphere(i: u32) -> DVec3 {
+    let z = 1. - (2. * f64::from(i) + 1.) / f64::from(RAYS);
+    let turns = f64::from(i) * 0.618_033_988_749_894_9;
+    let (x, y) = sincos_turns(turns.fract());
+    (DVec3::new(x, y, 0.) * (1. - z * z).sqrt()).with_z(z)
 }
 
 impl Receivers {
@@ -381,7 +466,8 @@ impl Receivers {
                 }
             }
             let own = start..parts.len() as u32;
-            let own = (!own.is_empty()).then_some(own).ok_or(Refusal::Area);
+            let has_area = !own.is_empty();
+            let own = has_area.then_some(own).ok_or("have no area");
             let side = |&is_back| Ok((own.clone()?, is_back));
             all.extend(backs.iter().map(side));
         }

@@ -548,11 +548,15 @@ fn asked(
     };
     let (asked, shape, vertices, triangles) = match options {
         Options { points: Some(path), .. } => {
-            let read = read_points(points);
-            let read = read.map_err(|e| format!("{}{e}", input_name(path)));
-            let (places, normals) = read?.into_iter().unzip();
+            let (file, mut odd) = (input_name(path), vec![]);
+            let read = read_points(points, &mut odd);
+            let read = read.map_err(|e| format!("{file}{e}"));
+            for odd in odd {
+                progress::warn(&format!("{file}{odd}"));
+            }
+            let (places, normals, lines) = read?.into_iter().collect();
             let asked = Asked::Points(sha256(points));
-            (asked, Shape::Points(normals), places, vec![])
+            (asked, Shape::Points(normals, lines), places, vec![])
         }
         &Options { faces: Some(side), .. } => {
             of_mesh(Asked::Faces(side), Shape::Faces(mesh.faces(), side))
@@ -563,7 +567,9 @@ fn asked(
         _ => return Ok(None),
     };
     let albedos = options.radiosity.then(|| albedos.clone());
-    Ok(Some((asked, Table { shape, vertices, triangles, albedos })))
+    let marks = mesh.marks.clone();
+    let table = Table { shape, vertices, triangles, marks, albedos };
+    Ok(Some((asked, table)))
 }
 
 /// The camera of what is shown.
@@ -824,9 +830,12 @@ fn build(
     // Settle the receivers
     if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor) {
         let grid = Grid::around(&all.middles());
-        all.settle(&bvh, |hit| grid.order(hit));
-        let told = table.refusals(all);
-        told.iter().for_each(|told| progress::warn(told));
+        let around = (&bvh, &frame, subject.light().zenith);
+        all.settle(around, |hit| grid.order(hit));
+        let file = options.points.as_deref().map(input_name);
+        let file = file.unwrap_or(options.input_name());
+        let warn = |odd| progress::warn(&format!("{file}: {odd}"));
+        table.odd(all).into_iter().for_each(warn);
         let (count, name) = (all.count(), table.shape.name());
         if count == 0 {
             return Err(format!("none of the {name} has a value"));

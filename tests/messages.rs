@@ -10,7 +10,7 @@ use std::time::Duration;
 use litpt::bvh::Isa;
 use litpt::progress;
 
-use common::{ABOVE, Run, Running, Scratch, finish, skip};
+use common::{ABOVE, BOX, Run, Running, Scratch, finish, skip};
 
 /// Runs a line of the shell, in which `$PT` is `pt`, on a terminal; its output
 /// and its messages come as one text. None where there is no program `script`
@@ -370,4 +370,32 @@ fn a_wide_name_does_not_break_the_line_of_progress() {
         drawn.filter(|line| line.contains("reading")).collect();
     assert!(!drawn.is_empty(), "{text:?}");
     assert!(drawn.iter().all(|line| columns(line) <= 40), "{drawn:?}");
+}
+
+// A word, a line, a name, a value of an option and one of a header.
+#[test]
+fn no_message_quotes_more_than_eighty_characters() {
+    let place = Scratch::new();
+    let (long, words) = ("\u{e9}\u{1b}".repeat(5000), "a b ".repeat(999));
+    place.put("v.obj", format!("v 0 0 {long}\nf 1 1 1\n"));
+    place.put("i.obj", format!("v 1e999 0 0 #{words}\nf 1 1 1\n"));
+    place.put("g.obj", format!("g {words}\n{BOX}"));
+    place.put("p.txt", "0 0 0 ".repeat(999));
+    place.put("a.pfm", format!("Pf\n2 2\n{long}\n"));
+    for line in [
+        "v.obj",
+        "i.obj",
+        "g.obj -r x=0.5",
+        &format!("g.obj --albedo {long}=0.5"),
+        &format!("g.obj --spp {long}"),
+        "room.obj --reference a.pfm",
+    ] {
+        let run = place.line(line);
+        assert!(run.status > Some(0), "{line}");
+        let n = run.stderr.chars().count();
+        assert!(n < 400, "{n}: {}", run.stderr);
+        assert!(!run.stderr.contains('\u{1b}'));
+    }
+    let run = place.free("room.obj --points p.txt");
+    assert!(run.stderr.chars().count() < 200, "{}", run.stderr);
 }

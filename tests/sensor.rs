@@ -26,15 +26,16 @@ use serde_json::Value;
 #[path = "../examples/occlusion.rs"]
 mod occlusion;
 
-/// The last columns of a CSV, value and error, and its head.
+/// The columns value and error of a CSV, and its head.
 fn values(csv: &[u8]) -> (String, Vec<[f64; 2]>) {
     let text = str::from_utf8(csv).unwrap();
     let mut lines = text.lines();
     let head = lines.next().unwrap().to_owned();
+    let at = head.split(',').position(|name| name == "value").unwrap();
+    assert!(head[..].contains(",value,stderr,samples,"));
     let value = |line: &str| {
         let words: Vec<&str> = line.split(',').collect();
-        let [.., value, error, _] = words[..] else { panic!("{line}") };
-        [value, error].map(|word| word.parse().unwrap())
+        [words[at], words[at + 1]].map(|word| word.parse().unwrap())
     };
     (head, lines.map(value).collect())
 }
@@ -97,7 +98,7 @@ fn points_in_the_open_get_what_sky_and_ground_give() {
             ));
             run.succeeded();
             let (head, found) = values(&run.stdout);
-            assert!(head.starts_with("x,y,z,nx,ny,nz,irradiance ["));
+            assert!(head.starts_with("x,y,z,nx,ny,nz,value,"));
             assert_eq!(found.len(), 12);
             let sky = Sky::with(DVec3::Z, cover);
             for (value, normal) in found.into_iter().zip(normals()) {
@@ -200,7 +201,7 @@ fn a_face_sees_the_sky_beside_an_opposite_wall() {
         "2 of 6 faces have no value: 2 have no area, the first 3"
     ));
     let (head, found) = values(&run.stdout);
-    assert!(head.starts_with("face,side,irradiance"));
+    assert!(head.starts_with("face,side,value,"));
     // The mean over the face of the sky that the wall hides, by a midpoint
     // rule: that part of it which is higher than the point.
     let mut hidden = 0.;
@@ -258,7 +259,7 @@ fn a_vertex_gets_the_light_around_the_normal_between_its_faces() {
             ));
             run.succeeded();
             let (head, found) = values(&place.get("a.csv"));
-            assert!(head.starts_with("vertex,x,y,z,irradiance"));
+            assert!(head.starts_with("vertex,x,y,z,value,"));
             for (i, &exact) in exact.iter().enumerate() {
                 chance.judge(found[i], exact, 16.);
             }
@@ -275,7 +276,7 @@ fn what_has_no_value_is_counted_and_named() {
     place.put(
         "points.txt",
         "# a grid\n0 0 -1 0 0 1\n0 0 0 0 0 0\n1 4 0 0 0 1\n1e300 0 0 0 0 1\n\
-         1,1;-1\t0 0 1\n",
+         1,1,-1;\t0 0 1\n",
     );
     let run = place.free("room.obj --points points.txt -n64 -r0.5");
     run.succeeded();
@@ -284,9 +285,9 @@ fn what_has_no_value_is_counted_and_named() {
         found.iter().map(|[value, _]| value.is_finite()).collect();
     assert_eq!(is_known, [true, false, false, false, true]);
     assert!(run.stderr.contains(
-        "3 of 5 points have no value: 1 have no normal, the first 2; 1 are \
-         in an edge, or too close to a surface, the first 3; 1 are too far \
-         away, the first 4"
+        "points.txt: 3 of 5 points have no value: 1 are in an edge, or too \
+         close to a surface, the first in line 4; 1 are too far away, the \
+         first in line 5; 1 have no normal, the first in line 3"
     ));
     for (text, fault) in [
         ("0 0 0 0 1\n", ":1: expected x y z nx ny nz, six numbers"),
@@ -300,7 +301,6 @@ fn what_has_no_value_is_counted_and_named() {
         assert_eq!(run.status, Some(1), "{text}");
         assert!(run.stderr.contains(fault), "{}", run.stderr);
     }
-    assert_eq!(read_points(b"\xff").unwrap_err(), ": not UTF-8 text");
 }
 
 #[test]
@@ -327,8 +327,8 @@ fn receivers_have_tables_and_no_images() {
     let end = b"end_header\n";
     let body = ply.windows(end.len()).position(|w| w == end).unwrap();
     let body = &ply[body + end.len()..];
-    // Two points of three doubles, three floats, and two numbers.
-    assert_eq!(body.len(), 2 * (24 + 12 + 8));
+    // Two points of three doubles, a normal, three numbers and a colour.
+    assert_eq!(body.len(), 2 * (24 + 12 + 12 + 3));
     let (_, found) = values(&place.get("a.csv"));
     let value = f32::from_le_bytes(body[36..40].try_into().unwrap());
     assert_eq!(f64::from(value) as f32, found[0][0] as f32);
@@ -336,6 +336,7 @@ fn receivers_have_tables_and_no_images() {
     run.succeeded();
     let text = place.get("b.ply");
     let text = String::from_utf8_lossy(&text);
+    assert!(text.contains("element vertex 36\n"));
     assert!(text.contains("element face 12\n"));
 }
 
@@ -470,6 +471,129 @@ fn the_samples_of_a_gather_are_those_that_it_has_allocated() {
     }
     place.ptimg("merge 0.litpt 1.litpt -o c.exr").succeeded();
     assert_eq!(place.image("c.exr").samples.unwrap(), counts);
+}
+
+#[test]
+fn points_are_read_from_what_spreadsheets_write_and_commas_are_no_points() {
+    let read = |text: &[u8]| read_points(text, &mut vec![]);
+    let point = (DVec3::new(0.5, 1., 1.5), DVec3::Z, 2);
+    for meant in [
+        "x,y,z,nx,ny,nz\n0.5,1,1.5,0,0,1\n",
+        "\u{feff}x;y;z\r0.5; 1; 1.5; 0; 0; 1\r",
+        "# 0,5;1,0\r\n.5,1,1.5 0,0,1\u{1a}",
+        "\n\"0.5\",\"1\",\"1.5\",\"0\",\"0\",\"1\"\r\n\r",
+        "\r\n0.5 ,1 ,1.5 ,0 ,0 ,1",
+    ] {
+        let wide = format!("\u{feff}{meant}");
+        let wide = wide.encode_utf16().flat_map(u16::to_be_bytes);
+        let latin = [&b"# \xdf"[..], meant.as_bytes()].concat();
+        for text in [meant.as_bytes(), &wide.collect::<Vec<_>>(), &latin] {
+            assert_eq!(read(text), Ok(vec![point]), "{meant:?}");
+        }
+    }
+    for fault in [
+        "0,5;1,0;1,5\n",
+        "\"0,5\",\"1,0\",\"1,5\"",
+        "0,5\t1\t1,5\t0\t1",
+        "0;0;-1,5;0;1",
+        "0,5, 1,0, 1,5",
+        "0 0 1 0 1e-3,5",
+        "0.5m 1m 2m 0m 0m 1m\r0 0 0 0 0 1",
+    ] {
+        let told = read(fault.as_bytes()).unwrap_err();
+        assert!(told.starts_with(":1: "), "{told}");
+        assert_eq!(told.contains("decimal"), fault.contains(','));
+    }
+}
+
+/// A mesh with all of its faces the other way round.
+fn inside_out(obj: &str) -> String {
+    let turned = |line: &str| {
+        let mut words: Vec<&str> = line.split(' ').collect();
+        if words[0] == "f" {
+            words[1..].reverse();
+        }
+        words.join(" ") + "\n"
+    };
+    obj.lines().map(turned).collect()
+}
+
+#[test]
+fn points_that_are_not_where_they_should_be_are_told_with_their_line() {
+    let place = Scratch::new();
+    place.put("p.txt", "# of a grid\r\r0 .1 .2 1 0 0\r0 .1 1.2 0 0 1\r");
+    let slab =
+        "v -9 -9 -1\nv 9 -9 -1\nv 9 9 -1\nv -9 9 -1\nf -4 -3 -2 -1\n";
+    let body = BOX.replace("f 1 2 3 4", "f 4 3 2 1");
+    let low = body.replace("f 4 3 2 1\n", "");
+    // A ceiling that touches the body, as the slab does.
+    let above = inside_out(&slab.replace(" -1\nv", " 1\nv"));
+    let above = above.replace("9 -1\n", "9 1\n");
+    for (obj, options, count) in [
+        (format!("{body}{slab}"), "", 1),
+        (format!("{body}{above}"), "", 1),
+        (low.clone(), "--ground=0.5", 1),
+        (low, "", 0),
+        (body.replace("f 2 3 7 6\n", ""), "--ground=0.5", 0),
+        (inside_out(&body), "", 0),
+        (inside_out(slab), "", 0),
+    ] {
+        place.put("a.obj", &obj);
+        let line = format!("a.obj --points p.txt -n16 {options}");
+        let told = "p.txt: 1 of 2 points may not be meant: 1 are inside a \
+                    closed body, the first in line 3\n";
+        let run = place.free(&line);
+        assert_eq!(run.stderr.matches(told).count(), count, "{obj}");
+        assert_eq!(run.stderr.matches("are inside").count(), count);
+    }
+    let list = "1 1 -1 0 0 1\n1 1 -1 0 1 -1\n1 1 2 0 0 -1\n200 1 1 0 0 1\n\
+                150 1 1 0 0 1\n30 1 -1.001 0 0 1\n30 1 -1 1 0 0\n";
+    place.put("a.obj", slab);
+    place.put("p.txt", list);
+    let bare = place.free("a.obj --points p.txt -n16").stderr;
+    assert!(bare.contains(
+        "p.txt: 2 of 7 points may not be meant: 1 are outside by ten times \
+         the size of the scene, the first in line 4; 1 have a normal into \
+         the surface that they lie on, the first in line 2\n"
+    ));
+    let run = place.free("a.obj --points p.txt -n16 --ground=1");
+    let none = "1 are below the ground, the first in line 6\n";
+    assert!(run.stderr.contains(none), "{}", run.stderr);
+    assert!(values(&run.stdout).1[5][0].is_nan());
+}
+
+// A wall, part of which is there again in a group, and a face without area.
+#[test]
+fn faces_are_told_with_their_names_their_area_and_their_normal() {
+    let place = Scratch::new();
+    let wall = "v 0 0 0\nv 4 0 0\nv 4 0 2\nv 0 0 2\nf 1 2 3 4\n";
+    let group = "g \"south\"\nusemtl red\nf 4 1 2\nf 1 1 2\n";
+    place.put("a.obj", format!("o barn, old\n{wall}{group}"));
+    place.free("a.obj --faces=both -n16 -r0 -oa.csv -oa.ply").succeeded();
+    let csv = place.text("a.csv");
+    let lines: Vec<&str> = csv.lines().collect();
+    for (line, said) in [
+        (0, ",samples,object,group,area,x,y,z,nx,ny,nz,unit"),
+        (1, ",16,\"barn, old\",,8,2,0,1,0,-1,0,"),
+        (2, ",16,\"barn, old\",,8,2,0,1,0,1,0,"),
+        (3, ",16,\"barn, old\",\"\"\"south\"\"\",4,"),
+        (5, "NaN,NaN,0,\"barn, old\",\"\"\"south\"\"\",0,NaN,"),
+    ] {
+        assert!(lines[line].contains(said), "{}", lines[line]);
+    }
+    // Each triangle has corners of its own, grey or, without a value, magenta.
+    let ply = place.get("a.ply");
+    let corners = &ply[ply.len() - 8 * 13 - 24 * 51..];
+    for (k, corner) in corners.chunks(51).take(24).enumerate() {
+        let value = f32::from_le_bytes(corner[36..40].try_into().unwrap());
+        let face = [0, 0, 1, 2][k / 3 % 4];
+        let found = lines[1 + 2 * face + k / 12].split(',').nth(2).unwrap();
+        assert_eq!(format!("{value:?}"), found);
+        assert_eq!(corner[36..40], corner[44..48]);
+        let grey = 255. * (1.055 * value.powf(1. / 2.4) - 0.055);
+        let magenta = if value.is_nan() { 255 } else { grey as u8 };
+        assert_eq!(corner[48..], [magenta, grey as u8, magenta]);
+    }
 }
 
 // Threads, shards, a resumed run and sets of instructions.

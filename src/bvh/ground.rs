@@ -34,12 +34,16 @@ impl Ground {
 
     /// Where a ray that meets no triangle meets the ground.
     pub fn hit(&self, ray: &Ray) -> Option<Hit> {
-        let &Self { zenith, height } = self;
-        let fall = -zenith.dot(ray.direction);
-        let above = (zenith.dot(ray.origin) - height).max(0.);
+        let fall = -self.zenith.dot(ray.direction);
+        let above = self.below(ray.origin).max(0.);
         let distance = (above / fall).min(FARTHEST);
         let point = ray.origin + ray.direction * distance;
-        let hit = Hit { point, normal: zenith, primitive: GROUND };
+        let hit = Hit { point, normal: self.zenith, primitive: GROUND };
         (fall > 0.).then_some(hit)
+    }
+
+    /// How far below a point the ground is.
+    pub fn below(&self, point: DVec3) -> f64 {
+        self.zenith.dot(point) - self.height
     }
 }

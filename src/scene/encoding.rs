@@ -149,3 +149,22 @@ fn utf_8(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let units: Vec<u16> = pairs.iter().map(|&pair| unit(pair)).collect();
     Ok(String::from_utf16_lossy(&units).into_bytes())
 }
+
+/// A line as messages quote it.
+pub fn quoted(line: &str) -> String {
+    let visible = |c: char| match c {
+        '"' | '\'' | '\\' => c.to_string(),
+        _ => c.escape_debug().to_string(),
+    };
+    let shown: String = line.trim().chars().map(visible).collect();
+    match shown.char_indices().nth(77) {
+        Some((end, _)) => format!("{}...", &shown[..end]),
+        None => shown,
+    }
+}
+
+/// A message with each of its words as a line is quoted.
+pub fn shortened(message: &str) -> String {
+    let words = message.split(' ').map(quoted);
+    words.collect::<Vec<_>>().join(" ")
+}

@@ -9,7 +9,7 @@ use glam::DVec3;
 use memchr::{memchr, memchr2, memchr2_iter, memchr3_iter};
 use rayon::prelude::*;
 
-use super::encoding;
+use super::encoding::{self, quoted, shortened};
 use super::mesh::{Mark, MarkKind, Mesh};
 use super::polygons;
 
@@ -153,6 +153,7 @@ fn set_aside(
         let what =
             String::from_utf8_lossy(vertex).replace(BREAK as char, "");
         let line = number(text, vertex);
+        let what = quoted(&what);
         let what = format!("a corner is not finite: line {line} is {what}");
         return Err(at(text, find(text, b"f", face), &what));
     }
@@ -403,10 +404,5 @@ fn number(text: &[u8], line: &[u8]) -> usize {
 
 /// What is wrong with a line, as it follows the name of the file.
 fn at(text: &[u8], line: &[u8], what: &str) -> String {
-    let shown = |c: char| match c {
-        '"' | '\'' | '\\' => c.to_string(),
-        _ => c.escape_debug().to_string(),
-    };
-    let what: String = what.chars().map(shown).collect();
-    format!(":{}: {what}", number(text, line))
+    format!(":{}: {}", number(text, line), shortened(what))
 }

@@ -64,6 +64,14 @@ impl Frame {
         (shift(q + self.half, -self.exponent) + self.low) / self.part
     }
 
+    /// Whether the point `q` of the scene is outside of its box by more than ten
+    /// times the longest side of that.
+    pub fn is_far(&self, q: DVec3) -> bool {
+        let [low, high] = self.bounds;
+        let beyond = (low - q).max(q - high).max_element();
+        beyond > 10. * (high - low).max_element()
+    }
+
     /// Along which axes the map rounds the place of `p`.
     pub fn rounds(&self, p: DVec3) -> BVec3 {
         let p = p * self.part;

@@ -11,8 +11,9 @@ use glam::DVec3;
 use crate::camera::typed;
 use crate::film::{Film, WORTH};
 use crate::materials::FaceAlbedos;
-use crate::scene::Scene;
-use crate::sensor::{Receivers, Refusal, Side};
+use crate::numerics::{cross, normalise};
+use crate::scene::{Mark, Scene};
+use crate::sensor::{Oddity, Receivers, Side};
 
 /// Formats of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,8 +47,8 @@ impl TableFormat {
 
 /// What bears the values.
 pub enum Shape {
-    /// Points, with these normals.
-    Points(Vec<DVec3>),
+    /// Points, with these normals, and their lines in the file.
+    Points(Vec<DVec3>, Vec<u32>),
     /// The vertices of triangles.
     Vertices,
     /// The faces of triangles, given that of each; and their sides.
@@ -58,7 +59,7 @@ impl Shape {
     /// What it is called.
     pub fn name(&self) -> &str {
         match self {
-            Self::Points(_) => "points",
+            Self::Points(..) => "points",
             Self::Vertices => "vertices",
             Self::Faces(..) => "faces",
         }
@@ -73,6 +74,8 @@ pub struct Table {
     pub vertices: Vec<DVec3>,
     /// The triangles, if there are not points.
     pub triangles: Vec<[u32; 3]>,
+    /// What the file calls its faces.
+    pub marks: Vec<Mark>,
     /// The albedo of each face, if it is radiosity that is asked for.
     pub albedos: Option<FaceAlbedos>,
 }
@@ -80,12 +83,20 @@ pub struct Table {
 /// A value, its standard error and number of samples.
 type Value = [f64; 3];
 
+/// A text as CSV has it.
+fn cell(text: &str) -> String {
+    match text.contains([',', '"']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_owned(),
+    }
+}
+
 impl Table {
     /// The receivers, in its order.
     pub fn receivers(&self, scene: &Scene) -> Receivers {
         let Self { vertices, triangles, .. } = self;
         match &self.shape {
-            Shape::Points(normals) => {
+            Shape::Points(normals, _) => {
                 Receivers::points(vertices, normals, &scene.frame)
             }
             Shape::Vertices => Receivers::vertices(&scene.triangles),
@@ -105,32 +116,41 @@ impl Table {
         }
     }
 
-    /// Which of the receivers have no value, and why, if there are any.
-    pub fn refusals(&self, receivers: &Receivers) -> Option<String> {
-        let Receivers { numbers, refused, .. } = receivers;
-        let kinds = [
-            (Refusal::Normal, "have no normal"),
-            (Refusal::Close, "are in an edge, or too close to a surface"),
-            (Refusal::Far, "are too far away"),
-            (Refusal::Area, "have no area"),
-        ];
-        let told = kinds.into_iter().filter_map(|(kind, words)| {
-            let mut of_kind =
-                refused.iter().filter(|&&(_, why)| why == kind);
-            let (first, is_back) = self.face(of_kind.next()?.0);
-            let (first, count) = (first + 1, 1 + of_kind.count());
-            let back = if is_back { "the back of " } else { "" };
-            Some(format!("{count} {words}, the first {back}{first}"))
-        });
-        let told = told.collect::<Vec<_>>().join("; ");
-        let (none, name) = (refused.len(), self.shape.name());
-        let all = numbers.len() + none;
-        let line = format!("{none} of {all} {name} have no value: {told}");
-        (none > 0).then_some(line)
+    /// Which of the receivers have no value, or one that may not be meant, and
+    /// why: a line for both, if there are any.
+    pub fn odd(&self, receivers: &Receivers) -> Vec<String> {
+        let Receivers { numbers, refused, doubted, .. } = receivers;
+        let all = numbers.len() + refused.len();
+        let line = |(odd, what): (&Vec<(Oddity, u32)>, &str)| {
+            let (count, name) = (odd.len(), self.shape.name());
+            let kinds = odd.chunk_by(|a, b| a.0 == b.0).map(|kind| {
+                let (why, first) = kind[0];
+                let first = self.place(first);
+                format!("{} {why}, the first {first}", kind.len())
+            });
+            let kinds = kinds.collect::<Vec<_>>().join("; ");
+            format!("{count} of {all} {name} {what}: {kinds}")
+        };
+        let lists =
+            [(refused, "have no value"), (doubted, "may not be meant")];
+        let lists = lists.into_iter().filter(|(odd, _)| !odd.is_empty());
+        lists.map(line).collect()
+    }
+
+    /// Where a receiver is in its file.
+    fn place(&self, number: u32) -> String {
+        match (&self.shape, self.face(number)) {
+            (Shape::Points(_, lines), _) => {
+                format!("in line {}", lines[number as usize])
+            }
+            (_, (face, true)) => format!("the back of {}", face + 1),
+            (_, (face, false)) => (face + 1).to_string(),
+        }
     }
 
     /// Writes the values of receivers that are on a film, with the samples of
-    /// each in a replicate, if they differ.
+    /// each in a replicate, if they differ; `grey` is the level of a value on a
+    /// screen.
     ///
     /// # Errors
     /// They cannot be written.
@@ -140,12 +160,13 @@ impl Table {
         receivers: &Receivers,
         film: &Film,
         allocation: Option<&[u32]>,
+        grey: fn(f64) -> u8,
         out: &mut dyn Write,
     ) -> io::Result<()> {
         let values = self.values(receivers, film, allocation);
         match format {
             TableFormat::Csv => self.csv(&values, out),
-            TableFormat::Ply => self.ply(&values, out),
+            TableFormat::Ply => self.ply(&values, grey, out),
             TableFormat::Obj => self.obj(&values, out),
         }
     }
@@ -174,94 +195,145 @@ impl Table {
     }
 
     fn csv(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
-        let quantity = match self.albedos {
-            Some(_) => "radiosity",
-            None => "irradiance",
+        let (place, more) = match self.shape {
+            Shape::Points(..) => ("x,y,z,nx,ny,nz", ""),
+            Shape::Vertices => ("vertex,x,y,z", ""),
+            Shape::Faces(..) => {
+                ("face,side", "object,group,area,x,y,z,nx,ny,nz,")
+            }
         };
-        let place = match self.shape {
-            Shape::Points(_) => "x,y,z,nx,ny,nz",
-            Shape::Vertices => "vertex,x,y,z",
-            Shape::Faces(..) => "face,side",
+        writeln!(out, "{place},value,stderr,samples,{more}unit")?;
+        let unit = match self.albedos {
+            Some(_) => "radiosity (horizontal irradiance in the open = 1)",
+            None => "irradiance (horizontal in the open = 1)",
         };
-        let unit = "[horizontal irradiance in the open = 1]";
-        writeln!(out, "{place},{quantity} {unit},stderr,samples")?;
+        let mut marks = self.marks.iter().peekable();
+        let mut names = [""; 2];
         // Write a line of CSV for each receiver
         for (i, &[value, error, samples]) in values.iter().enumerate() {
             let vertex = || typed(self.vertices[i]);
+            let mut more = String::new();
             let place = match &self.shape {
-                Shape::Points(normals) => {
+                Shape::Points(normals, _) => {
                     vertex() + "," + &typed(normals[i])
                 }
                 Shape::Vertices => format!("{},{}", i + 1, vertex()),
-                Shape::Faces(..) => {
+                Shape::Faces(faces, _) => {
                     let (face, is_back) = self.face(i as u32);
+                    // Describe a face
+                    while let Some(mark) = marks.next_if(|m| m.face <= face)
+                    {
+                        let kind = mark.kind as usize;
+                        if let Some(name) = names.get_mut(kind) {
+                            *name = &mark.name;
+                        }
+                    }
+                    let [object, group] = names.map(cell);
+                    let numbers = self.measured(face, faces, is_back);
+                    more = format!("{object},{group},{numbers}");
                     let side = if is_back { "back" } else { "front" };
                     format!("{},{side}", face + 1)
                 }
             };
             let [value, error] = [value, error].map(|x| x as f32);
-            writeln!(out, "{place},{value:?},{error:?},{samples}")?;
+            let value = format!("{value:?},{error:?},{samples}");
+            writeln!(out, "{place},{value},{more}{unit}")?;
         }
         Ok(())
     }
 
-    fn ply(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
+    /// The area, centre and normal of a face, as columns before commas.
+    fn measured(&self, face: u32, faces: &[u32], is_back: bool) -> String {
+        let start = faces.partition_point(|&other| other < face);
+        let end = faces.partition_point(|&other| other <= face);
+        let (mut across, mut twice) = (DVec3::ZERO, 0.);
+        let mut moment = DVec3::ZERO;
+        for corners in &self.triangles[start..end] {
+            let [a, b, c] = corners.map(|i| self.vertices[i as usize]);
+            let normal = cross(b - a, c - a);
+            across += if is_back { -normal } else { normal };
+            twice += normal.length();
+            moment += (a + b + c) * normal.length();
+        }
+        let places = [moment / (3. * twice), across.normalize()].map(typed);
+        format!("{},{},", 0.5 * twice, places.join(","))
+    }
+
+    fn ply(
+        &self,
+        values: &[Value],
+        grey: fn(f64) -> u8,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
         let Self { shape, vertices, triangles, .. } = self;
-        let sides = match shape {
-            Shape::Faces(_, Side::Both) => 2,
-            _ => 1,
+        let both = matches!(shape, Shape::Faces(_, Side::Both));
+        let count = if both { 2 } else { 1 } * triangles.len();
+        let corners = match shape {
+            Shape::Faces(..) => 3 * count,
+            _ => vertices.len(),
         };
         // Write the head of a PLY
-        let numbers = "property float value\nproperty float stderr\n";
-        let normal =
-            "property float nx\nproperty float ny\nproperty float nz\n";
-        let [of_vertices, of_faces] = match shape {
-            Shape::Points(_) => [&[normal, numbers].concat(), ""],
-            Shape::Vertices => [numbers, ""],
-            Shape::Faces(..) => ["", numbers],
-        };
         write!(
             out,
             "ply\nformat binary_little_endian 1.0\n\
              comment relative to the horizontal irradiance in the open\n\
-             element vertex {}\n\
-             property double x\nproperty double y\nproperty double z\n\
-             {of_vertices}",
-            vertices.len()
+             element vertex {corners}\n"
         )?;
-        if !triangles.is_empty() {
-            writeln!(out, "element face {}", sides * triangles.len())?;
+        let has_normal = !matches!(shape, Shape::Vertices);
+        let normal = if has_normal { "nx ny nz" } else { "" };
+        for (kind, names) in [
+            ("double", "x y z"),
+            ("float", normal),
+            ("float", "value stderr quality"),
+            ("uchar", "red green blue"),
+        ] {
+            for name in names.split_whitespace() {
+                writeln!(out, "property {kind} {name}")?;
+            }
+        }
+        if count > 0 {
+            writeln!(out, "element face {count}")?;
             writeln!(out, "property list uchar int vertex_indices")?;
-            write!(out, "{of_faces}")?;
         }
         writeln!(out, "end_header")?;
-        let floats = |all: &[f64]| -> Vec<u8> {
-            all.iter().flat_map(|&x| (x as f32).to_le_bytes()).collect()
+        // Find a corner, its normal and its receiver
+        let corner = |i: usize| match shape {
+            Shape::Points(normals, _) => (vertices[i], Some(normals[i]), i),
+            Shape::Vertices => (vertices[i], None, i),
+            Shape::Faces(faces, _) => {
+                let all = triangles.len();
+                let (side, k) = (i / 3 / all, i / 3 % all);
+                let (_, is_back) = self.face(side as u32);
+                let [a, b, c] = triangles[k].map(|i| vertices[i as usize]);
+                let [a, b, c] = if is_back { [a, c, b] } else { [a, b, c] };
+                let normal = cross(normalise(b - a), normalise(c - a));
+                let number = count / all * faces[k] as usize + side;
+                ([a, b, c][i % 3], Some(normal.normalize_or_zero()), number)
+            }
         };
-        let pair = |number: usize| floats(&values[number][..2]);
-        // Write the elements of a PLY
-        for (number, place) in vertices.iter().enumerate() {
-            out.write_all(
-                &place.to_array().map(f64::to_le_bytes).concat(),
-            )?;
-            if let Shape::Points(normals) = shape {
-                out.write_all(&floats(&normals[number].to_array()))?;
+        // Write the corners of a PLY
+        for (place, normal, number) in (0..corners).map(corner) {
+            let [value, error, _] = values[number];
+            let colour = match value.is_nan() {
+                true => [255, 0, 255],
+                false => [grey(value); 3],
+            };
+            let place = place.to_array().map(f64::to_le_bytes);
+            out.write_all(&place.concat())?;
+            let normal = normal.iter().flat_map(|n| n.to_array());
+            for x in normal.chain([value, error, value]) {
+                out.write_all(&(x as f32).to_le_bytes())?;
             }
-            if !matches!(shape, Shape::Faces(..)) {
-                out.write_all(&pair(number))?;
-            }
+            out.write_all(&colour)?;
         }
-        for side in 0..sides {
-            // Write the triangles of a side
-            let (_, is_back) = self.face(side as u32);
-            for (i, &[a, b, c]) in triangles.iter().enumerate() {
-                let corners = if is_back { [a, c, b] } else { [a, b, c] };
-                out.write_all(&[3])?;
-                out.write_all(&corners.map(u32::to_le_bytes).concat())?;
-                if let Shape::Faces(faces, _) = shape {
-                    out.write_all(&pair(sides * faces[i] as usize + side))?;
-                }
-            }
+        // Write the triangles of a PLY
+        for i in 0..count as u32 {
+            let corners = match shape {
+                Shape::Faces(..) => [0, 1, 2].map(|k| 3 * i + k),
+                _ => triangles[i as usize],
+            };
+            out.write_all(&[3])?;
+            out.write_all(&corners.map(u32::to_le_bytes).concat())?;
         }
         Ok(())
     }

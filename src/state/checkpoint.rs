@@ -17,6 +17,7 @@ use crate::film::Film;
 use crate::integrator::gather::Learnt;
 use crate::render_loop::Convergence;
 use crate::report::Report;
+use crate::scene::encoding::shortened;
 use crate::state::key::RunKey;
 use crate::state::learnt;
 
@@ -145,7 +146,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         let mut line = vec![];
         file.read_until(b'\n', &mut line).map_err(unreadable)?;
         let mut known: Known = serde_json::from_slice(&line)
-            .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
+            .map_err(|e| shortened(&format!("is not a checkpoint: {e}")))?;
         known.learnt = learnt::read(&mut file, &known.run_key)
             .map_err(|e| format!("what was learnt is damaged: {e}"))?;
         let sums = (!known.run_key.only_learns()).then_some(file);

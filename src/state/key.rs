@@ -10,6 +10,7 @@ use crate::camera::View;
 use crate::film::{Film, Window, tile_height};
 use crate::materials::Named;
 use crate::render::choose::Sampling;
+use crate::scene::encoding::quoted;
 use crate::sensor::Side;
 use crate::sky::Sky;
 
@@ -171,7 +172,8 @@ impl RunKey {
         let mut names = a.keys().chain(b.keys());
         let name = names.find(|&name| a.get(name) != b.get(name))?;
         let show = |key: &Map<String, Value>| {
-            key.get(name).map_or("nothing".to_owned(), Value::to_string)
+            let value = key.get(name).map(Value::to_string);
+            quoted(&value.unwrap_or("nothing".to_owned()))
         };
         Some((name.clone(), [show(&a), show(&b)]))
     }
