@@ -4,15 +4,43 @@
 //! What surfaces reflect: one albedo, or one for each face.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
+use std::{fs, io};
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::{Bvh, GROUND};
+use crate::scene::mtl::{self, Material};
+use crate::scene::text::quoted;
 use crate::scene::{Mark, MarkKind};
+
+/// The files that a statement names, in a folder.
+fn files(line: &str, folder: &Path) -> Vec<String> {
+    let is_file = |name: &str| folder.join(name).is_file();
+    let name = |part: &str| {
+        let name = part.trim().trim_matches('"');
+        let other = name.replace('\\', "/");
+        let is_other = !is_file(name) && is_file(&other);
+        if is_other { other } else { name.to_owned() }
+    };
+    let blanks = line.match_indices(char::is_whitespace);
+    let (mut start, mut files) = (0, vec![]);
+    for end in blanks.map(|(end, _)| end).chain([line.len()]) {
+        // Note the file whose name ends here
+        let file = name(&line[start..end]);
+        let is_library = file.to_ascii_lowercase().ends_with(".mtl");
+        let ends = end == line.len() || is_library || is_file(&file);
+        if ends && !file.is_empty() {
+            files.push(file);
+            start = end;
+        }
+    }
+    match name(line) {
+        whole if is_file(&whole) => vec![whole],
+        _ => files,
+    }
+}
 
 /// What is taken of the three numbers of a material.
 #[derive(
@@ -28,98 +56,84 @@ pub enum Band {
     B,
 }
 
-/// The albedo of each material of the libraries that a file names, which are
-/// in `folder`: its luminance, or one band; and what is odd about them.
+/// The albedo of each material that a scene uses and its libraries define,
+/// which are in `folder`: its luminance, or one band; and warnings.
 ///
 /// # Errors
-/// A library cannot be read, or a material reflects less than nothing or more
-/// than all.
+/// A library cannot be read, or a `Kd` is not made of numbers from 0 to 1.
 pub fn libraries(
     marks: &[Mark],
-    folder: &Path,
+    (scene, folder): (&str, &Path),
     band: Option<Band>,
 ) -> Result<(BTreeMap<String, f64>, Vec<String>), String> {
-    let (mut albedos, mut odd) = (BTreeMap::new(), BTreeSet::new());
-    let named = marks.iter().filter(|mark| mark.kind == MarkKind::Library);
-    for Mark { name, .. } in named {
-        let files = match folder.join(name).exists() {
-            true => vec![name.as_str()],
-            false => name.split_whitespace().collect(),
-        };
-        for file in files {
-            // Read one library
-            let path = folder.join(file);
-            let shown = path.display();
-            let file = File::open(&path).map_err(|e| {
-                format!("{shown}: {e}; without --materials, -r is the albedo of all")
-            })?;
-            let (materials, _) =
-                tobj::load_mtl_buf(&mut BufReader::new(file)).map_err(
-                    |e| format!("{shown}: cannot read the materials: {e}"),
-                )?;
-            for material in materials {
-                // See what else a material is
-                let is_clear = |opacity| opacity < 1.;
-                let shines = |text: &String| {
-                    text.split(' ')
-                        .any(|word| word.parse().is_ok_and(|x: f64| x > 0.))
-                };
-                let is_transparent =
-                    || material.unknown_param.get("Tr").is_some_and(shines);
-                let is_odd = [
-                    material.dissolve.map_or_else(is_transparent, is_clear),
-                    material.diffuse_texture.is_some(),
-                    material.unknown_param.get("Ke").is_some_and(shines),
-                ];
-                let kinds = (0..).zip(is_odd).filter(|(_, is_odd)| *is_odd);
-                odd.extend(
-                    kinds.map(|(kind, _)| (kind, material.name.clone())),
-                );
-                let tobj::Material { name, diffuse, .. } = material;
-                let Some([r, g, b]) = diffuse else { continue };
-                let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-                let one = |band| [r, g, b][band as usize];
-                let albedo = band.map_or(luminance, one);
-                if !(0. ..=1.).contains(&albedo) {
-                    return Err(format!(
-                        "{shown}: material {name} has Kd {r} {g} {b}, which is not \
-                         between 0 and 1"
-                    ));
-                }
-                albedos.insert(name, albedo);
+    let used: BTreeSet<_> = names(marks, MarkKind::Material).collect();
+    let libraries = marks.iter().filter(|m| m.kind == MarkKind::Library);
+    let files = libraries.flat_map(|mark| files(&mark.name, folder));
+    let (mut seen, mut warnings) = (BTreeSet::new(), vec![]);
+    let (mut known, mut told) = (BTreeMap::new(), BTreeMap::new());
+    for name in files.filter(|name| seen.insert(name.clone())) {
+        // Read one library
+        let shown = folder.join(quoted(&name));
+        let shown = shown.display();
+        let bytes = contents(&folder.join(name)).map_err(|e| {
+            let instead = "without --materials, -r is the albedo of all";
+            format!("{shown}: {e}; {instead}")
+        })?;
+        let mut odd = vec![];
+        let read = mtl::read(&bytes, &used, &mut odd);
+        warnings.extend(odd.iter().map(|odd| format!("{shown}{odd}")));
+        for material in read.map_err(|error| format!("{shown}{error}"))? {
+            // Keep the first definition of a material
+            let Material { name, line, diffuse, mut asides } = material;
+            match known.get(&name) {
+                None => _ = known.insert(name.clone(), diffuse),
+                Some(first) if *first == diffuse => continue,
+                Some(_) => asides = BTreeMap::from([(mtl::AGAIN, line)]),
+            }
+            for (what, line) in asides {
+                let all: &mut Vec<_> = told.entry(what).or_default();
+                all.push((format!("{shown}:{line}"), name.clone()));
             }
         }
     }
-    // Count the materials that are not what their library says
-    let used: Vec<&str> = names(marks, MarkKind::Material).collect();
-    let unknown = used.iter().filter(|name| !albedos.contains_key(**name));
-    odd.extend(unknown.map(|name| (3, (*name).to_owned())));
-    odd.retain(|(_, name)| used.contains(&&name[..]));
-    let tell = |(kind, what): (usize, &str)| {
-        let mut all =
-            odd.iter().filter(|odd| odd.0 == kind).map(|odd| &odd.1);
-        let (count, first) = (all.clone().count(), all.next()?);
-        Some(format!("materials that {what}: {count}, the first {first}"))
+    // Count the materials that are more, or less, than an albedo
+    let unknown = used.iter().filter(|name| !known.contains_key(**name));
+    let place = |name: &&str| (scene.to_owned(), (*name).to_owned());
+    told.insert(UNKNOWN, unknown.map(place).collect());
+    for (what, all) in &told {
+        let Some((place, first)) = all.first() else { continue };
+        let (count, first) = (all.len(), quoted(first));
+        warnings.push(format!(
+            "{place}: materials that {what}: {count}, the first {first}"
+        ));
+    }
+    // Take one number of each material
+    let albedo = |[r, g, b]: [f64; 3]| match band {
+        None => 0.2126 * r + 0.7152 * g + 0.0722 * b,
+        Some(band) => [r, g, b][band as usize],
     };
-    let told = (0..).zip(ODD_MATERIALS).filter_map(tell);
-    Ok((albedos, told.collect()))
+    let known = known.into_iter();
+    let albedos = known.filter_map(|(name, kd)| Some((name, albedo(kd?))));
+    Ok((albedos.collect(), warnings))
 }
 
-/// What is told of materials that are more, or less, than an albedo.
-const ODD_MATERIALS: [&str; 4] = [
-    "are transparent (d, Tr), and let no light through here",
-    "have a texture (map_Kd), and are given their Kd",
-    "are luminous (Ke), and give no light",
-    "have no Kd, and are given the albedo of -r",
-];
+/// What is told of materials without a definition.
+const UNKNOWN: &str =
+    "are in no library, and are given the albedo of -r or --albedo";
 
-/// The names of a kind, each once, in order.
+/// The bytes of a file that has an end.
+fn contents(path: &Path) -> io::Result<Vec<u8>> {
+    match path.metadata()?.is_file() {
+        true => fs::read(path),
+        false => Err(io::Error::other("not a file")),
+    }
+}
+
+/// The names of a kind, each once, in order; those without letters are none.
 pub fn names(marks: &[Mark], kind: MarkKind) -> impl Iterator<Item = &str> {
     let of_kind = marks.iter().filter(move |mark| mark.kind == kind);
-    let mut all: Vec<&str> = of_kind.map(|mark| &mark.name[..]).collect();
-    all.sort_unstable();
-    all.dedup();
-    all.into_iter()
+    let all: BTreeSet<&str> = of_kind.map(|mark| &mark.name[..]).collect();
+    all.into_iter().filter(|name| !name.is_empty())
 }
 
 /// Which albedos a scene has, by name; what decides them beside its file.
@@ -187,7 +201,7 @@ impl FaceAlbedos {
                 [MarkKind::Material, MarkKind::Group, MarkKind::Object];
             let known =
                 kinds.into_iter().flat_map(|kind| names(marks, kind));
-            let known: Vec<&str> = known.take(8).collect();
+            let known: Vec<_> = known.take(8).map(quoted).collect();
             return Err(format!(
                 ": no material, group or object is called {name} (--albedo \
                  {name}={albedo}); there are: {}",
