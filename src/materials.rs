@@ -4,42 +4,35 @@
 //! What surfaces reflect: one albedo, or one for each face.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 use std::path::Path;
-use std::{fs, io};
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::{Bvh, GROUND};
-use crate::scene::mtl::{self, Material};
+use crate::scene::mtl::{Library, read_mtl};
 use crate::scene::text::quoted;
 use crate::scene::{Mark, MarkKind};
 
 /// The files that a statement names, in a folder.
 fn files(line: &str, folder: &Path) -> Vec<String> {
     let is_file = |name: &str| folder.join(name).is_file();
-    let name = |part: &str| {
-        let name = part.trim().trim_matches('"');
-        let other = name.replace('\\', "/");
-        let is_other = !is_file(name) && is_file(&other);
-        if is_other { other } else { name.to_owned() }
-    };
-    let blanks = line.match_indices(char::is_whitespace);
-    let (mut start, mut files) = (0, vec![]);
-    for end in blanks.map(|(end, _)| end).chain([line.len()]) {
-        // Note the file whose name ends here
-        let file = name(&line[start..end]);
-        let is_library = file.to_ascii_lowercase().ends_with(".mtl");
-        let ends = end == line.len() || is_library || is_file(&file);
-        if ends && !file.is_empty() {
-            files.push(file);
-            start = end;
+    if is_file(line) {
+        return vec![line.to_owned()];
+    }
+    let line = line.replace('\\', "/").replace('"', "");
+    let (mut files, mut name) = (vec![], String::new());
+    for word in line.split_inclusive(char::is_whitespace) {
+        name += word;
+        let file = name.trim();
+        if is_file(file) || file.to_ascii_lowercase().ends_with(".mtl") {
+            files.push(file.to_owned());
+            name.clear();
         }
     }
-    match name(line) {
-        whole if is_file(&whole) => vec![whole],
-        _ => files,
-    }
+    files.extend(Some(name).filter(|name| !name.is_empty()));
+    files
 }
 
 /// What is taken of the three numbers of a material.
@@ -67,44 +60,29 @@ pub fn libraries(
     band: Option<Band>,
 ) -> Result<(BTreeMap<String, f64>, Vec<String>), String> {
     let used: BTreeSet<_> = names(marks, MarkKind::Material).collect();
-    let libraries = marks.iter().filter(|m| m.kind == MarkKind::Library);
-    let files = libraries.flat_map(|mark| files(&mark.name, folder));
-    let (mut seen, mut warnings) = (BTreeSet::new(), vec![]);
-    let (mut known, mut told) = (BTreeMap::new(), BTreeMap::new());
+    let named = marks.iter().filter(|m| m.kind == MarkKind::Library);
+    let files = named.flat_map(|mark| files(&mark.name, folder));
+    let (mut all, mut seen) = (Library::default(), BTreeSet::new());
     for name in files.filter(|name| seen.insert(name.clone())) {
         // Read one library
-        let shown = folder.join(quoted(&name));
-        let shown = shown.display();
-        let bytes = contents(&folder.join(name)).map_err(|e| {
-            let instead = "without --materials, -r is the albedo of all";
-            format!("{shown}: {e}; {instead}")
-        })?;
-        let mut odd = vec![];
-        let read = mtl::read(&bytes, &used, &mut odd);
-        warnings.extend(odd.iter().map(|odd| format!("{shown}{odd}")));
-        for material in read.map_err(|error| format!("{shown}{error}"))? {
-            // Keep the first definition of a material
-            let Material { name, line, diffuse, mut asides } = material;
-            match known.get(&name) {
-                None => _ = known.insert(name.clone(), diffuse),
-                Some(first) if *first == diffuse => continue,
-                Some(_) => asides = BTreeMap::from([(mtl::AGAIN, line)]),
-            }
-            for (what, line) in asides {
-                let all: &mut Vec<_> = told.entry(what).or_default();
-                all.push((format!("{shown}:{line}"), name.clone()));
-            }
-        }
+        let shown = folder.join(quoted(&name)).display().to_string();
+        let instead = "without --materials, -r is the albedo of all";
+        fs::read(folder.join(name))
+            .map_err(|error| format!(": {error}; {instead}"))
+            .and_then(|bytes| read_mtl(&bytes, &shown, &used, &mut all))
+            .map_err(|error| shown + &error)?;
     }
-    // Count the materials that are more, or less, than an albedo
-    let unknown = used.iter().filter(|name| !known.contains_key(**name));
-    let place = |name: &&str| (scene.to_owned(), (*name).to_owned());
-    told.insert(UNKNOWN, unknown.map(place).collect());
-    for (what, all) in &told {
-        let Some((place, first)) = all.first() else { continue };
-        let (count, first) = (all.len(), quoted(first));
+    // Warn of what the libraries say, or do not say
+    let mut warnings = all.warnings;
+    for (first, n) in all.told.values() {
+        warnings.push(format!("{first}: the first of {n} statements"));
+    }
+    let is_unknown = |name: &&&str| !all.diffuse.contains_key(**name);
+    if let Some(name) = used.iter().find(is_unknown) {
+        let (name, n) = (quoted(name), used.len() - all.diffuse.len());
         warnings.push(format!(
-            "{place}: materials that {what}: {count}, the first {first}"
+            "{scene}: material {name} has no Kd r g b, and is given the albedo \
+             of -r or --albedo: the first of {n} materials"
         ));
     }
     // Take one number of each material
@@ -112,21 +90,9 @@ pub fn libraries(
         None => 0.2126 * r + 0.7152 * g + 0.0722 * b,
         Some(band) => [r, g, b][band as usize],
     };
-    let known = known.into_iter();
-    let albedos = known.filter_map(|(name, kd)| Some((name, albedo(kd?))));
+    let all = all.diffuse.into_iter();
+    let albedos = all.map(|(name, kd)| (name, albedo(kd)));
     Ok((albedos.collect(), warnings))
-}
-
-/// What is told of materials without a definition.
-const UNKNOWN: &str =
-    "are in no library, and are given the albedo of -r or --albedo";
-
-/// The bytes of a file that has an end.
-fn contents(path: &Path) -> io::Result<Vec<u8>> {
-    match path.metadata()?.is_file() {
-        true => fs::read(path),
-        false => Err(io::Error::other("not a file")),
-    }
 }
 
 /// The names of a kind, each once, in order; those without letters are none.

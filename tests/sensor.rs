@@ -451,8 +451,8 @@ fn a_model_of_four_hundred_materials_is_read_as_it_is() {
         assert!(error < 1e-6);
     }
     assert!(run.stderr.contains(
-        "an ifc.mtl:63: materials that are transparent (d, Tr), and let no \
-         light through here: 1, the first Beton 7 (C25/30) \u{fc}$"
+        "an ifc.mtl:63: material Beton 7 (C25/30) \u{fc}$ is transparent \
+         (d, Tr), not rendered: the first of 1 statements"
     ));
     place.put(
         "grid.pts",

@@ -3,130 +3,101 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! From the text of a library of materials to what diffuse surfaces reflect.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
+use std::collections::btree_map::{BTreeMap, Entry};
 
 use super::encoding;
-use super::text::{
-    at, join, lines, name, number, plain, quoted, rest, said,
-};
+use super::text::*;
 
-/// A material, as far as diffuse surfaces ask.
+/// What libraries say of the materials of a scene.
 #[derive(Default)]
-pub struct Material {
-    /// Its name.
-    pub name: String,
-    /// The line, from 1, where its definition begins.
-    pub line: usize,
-    /// What it reflects of red, green and blue, each from 0 to 1.
-    pub diffuse: Option<[f64; 3]>,
-    /// What it is beside that, each with the first line that says so.
-    pub asides: BTreeMap<&'static str, usize>,
+pub struct Library {
+    /// The first `Kd` of each, in red, green and blue, from 0 to 1.
+    pub diffuse: BTreeMap<String, [f64; 3]>,
+    /// For each kind of what is not rendered, a message that tells of the
+    /// first statement, and their number.
+    pub told: BTreeMap<&'static str, (String, usize)>,
+    /// Other messages.
+    pub warnings: Vec<String>,
 }
 
-const CLEAR: &str =
-    "are transparent (d, Tr), and let no light through here";
-const TEXTURE: &str = "have a texture (map_Kd), which is not read";
-const LUMINOUS: &str = "are luminous (Ke), and give no light";
-const GLOSSY: &str = "are glossy (Ks, illum), and are diffuse here";
-const COLOUR: &str = "have a Kd xyz or Kd spectral, which is not read";
-const NO_KD: &str =
-    "have no Kd r g b, and are given the albedo of -r or --albedo";
-/// Told of a definition that follows another one.
-pub const AGAIN: &str =
-    "are defined again with another Kd; the first counts";
-
-/// The materials of a library that are `used`, in its order; what is left
-/// out goes to `warnings`.
+/// Reads a library, called `file`, of which a scene uses some materials.
 ///
 /// # Errors
 /// Those of `encoding::text`, a zero byte, or a `Kd` that is not one number
 /// or three from 0 to 1; to be put behind the name of the file.
-pub fn read(
+pub fn read_mtl(
     source: &[u8],
+    file: &str,
     used: &BTreeSet<&str>,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<Material>, String> {
-    let text = encoding::text(source, warnings)?;
-    let text = &join(plain(&text)?)[..];
-    let (mut materials, mut current) = (vec![], None::<Material>);
-    let (mut count, mut left) = (1, text);
-    for line in lines(text) {
-        // Count the lines up to this one
-        count += number(left, line) - 1;
-        let end = line.as_ptr_range().end.addr() - left.as_ptr().addr();
-        left = &left[end..];
-        // Read one line of a library
-        if name(line) == b"newmtl" {
-            materials.extend(current.take());
-            let name = rest(line);
-            let is_used = used.contains(&name[..]);
-            let begin =
-                || Material { name, line: count, ..Material::default() };
-            current = is_used.then(begin);
-        } else if let Some(material) = &mut current {
-            read_statement(line, count, material)
-                .map_err(|what| at(text, line, &what))?;
-        }
-    }
-    materials.extend(current);
-    for material in materials.iter_mut().filter(|m| m.diffuse.is_none()) {
-        material.asides.insert(NO_KD, material.line);
-    }
-    Ok(materials)
-}
-
-/// Reads the statement in a line, of this number, of a material.
-fn read_statement(
-    line: &[u8],
-    number: usize,
-    material: &mut Material,
+    all: &mut Library,
 ) -> Result<(), String> {
-    let word = String::from_utf8_lossy(name(line)).to_ascii_lowercase();
-    let map = word.strip_prefix("map_");
-    let text = rest(if map.is_some() { line } else { said(line) });
-    let what = map.unwrap_or(&word);
-    let (aside, nothing): (_, fn(f64) -> bool) = match what {
-        "kd" if map.is_none() => return read_kd(&text, number, material),
-        "kd" | "decal" => (TEXTURE, |_| false),
-        "d" => (CLEAR, |x| x >= 1.),
-        "tr" => (CLEAR, |x| x <= 0.),
-        "ke" => (LUMINOUS, |x| x <= 0.),
-        "ks" | "pm" | "refl" => (GLOSSY, |x| x <= 0.),
-        "illum" => (GLOSSY, |x| x <= 1.),
-        _ => return Ok(()),
-    };
-    let is_nothing = |word: &str| {
-        map.is_none() && word.parse().is_ok_and(nothing) || word == "-halo"
-    };
-    if !text.split_whitespace().all(is_nothing) {
-        material.asides.entry(aside).or_insert(number);
+    let mut odd = vec![];
+    let text = encoding::text(source, &mut odd)?;
+    let text = &join(plain(&text)?)[..];
+    all.warnings.extend(odd.iter().map(|odd| format!("{file}{odd}")));
+    let mut material = String::new();
+    for line in lines(text) {
+        if name(line) == b"newmtl" {
+            material = rest(line);
+        } else if used.contains(&material[..]) {
+            // Read a statement of a material
+            let at = |what: String| at(text, line, &what);
+            let kd = all.diffuse.entry(material.clone());
+            let Some(kind) = judge(line, kd).map_err(at)? else { continue };
+            let first = || {
+                let m = quoted(&material);
+                let what = format!("material {m} is {kind}, not rendered");
+                (file.to_owned() + &at(what), 0)
+            };
+            all.told.entry(kind).or_insert_with(first).1 += 1;
+        }
     }
     Ok(())
 }
 
-/// Reads what stands behind a `Kd`.
+/// What a statement says that is not rendered, if anything; or notes its
+/// `Kd`, unless there is one.
+fn judge(
+    line: &[u8],
+    kd: Entry<'_, String, [f64; 3]>,
+) -> Result<Option<&'static str>, String> {
+    let word = String::from_utf8_lossy(name(line)).to_ascii_lowercase();
+    let map = word.strip_prefix("map_");
+    let text = rest(if map.is_some() { line } else { said(line) });
+    let (none, kind): (fn(f64) -> bool, _) = match map.unwrap_or(&word) {
+        "kd" if map.is_none() => return read_kd(&text, kd),
+        "kd" | "decal" => (|_| false, "textured (map_Kd)"),
+        "d" => (|x| x >= 1., "transparent (d, Tr)"),
+        "tr" => (|x| x <= 0., "transparent (d, Tr)"),
+        "ke" => (|x| x <= 0., "luminous (Ke)"),
+        "ks" | "pm" | "refl" => (|x| x <= 0., "glossy (Ks, illum)"),
+        "illum" => (|x| x <= 1., "glossy (Ks, illum)"),
+        _ => return Ok(None),
+    };
+    let is_some = |w: &str| w != "-halo" && !w.parse().is_ok_and(none);
+    Ok(text.split_whitespace().any(is_some).then_some(kind))
+}
+
+/// Notes what stands behind a `Kd`, or says what it is beside that.
 fn read_kd(
     text: &str,
-    number: usize,
-    Material { name, diffuse, asides, .. }: &mut Material,
-) -> Result<(), String> {
-    if text.starts_with("xyz") || text.starts_with("spectral") {
-        asides.entry(COLOUR).or_insert(number);
-        return Ok(());
-    }
+    first: Entry<'_, String, [f64; 3]>,
+) -> Result<Option<&'static str>, String> {
     let numbers = text.split_whitespace().map(str::parse);
     let kd = match numbers.collect::<Result<Vec<f64>, _>>().as_deref() {
         Ok(&[grey]) => [grey; 3],
         Ok(&[r, g, b]) => [r, g, b],
+        _ if text.starts_with("xyz") || text.starts_with("spectral") => {
+            return Ok(Some("coloured (Kd xyz, Kd spectral)"));
+        }
         _ => [f64::NAN; 3],
     };
     if !kd.iter().all(|x| (0. ..=1.).contains(x)) {
-        let (name, text) = (quoted(name), quoted(text));
-        let what = "expected Kd and one number from 0 to 1, or three, and";
-        return Err(format!("material {name}: {what} not 'Kd {text}'"));
+        let (name, text) = (quoted(first.key()), quoted(text));
+        let what = "expected one number from 0 to 1, or three, and not";
+        return Err(format!("material {name}: {what} 'Kd {text}'"));
     }
-    if *diffuse.get_or_insert(kd) != kd {
-        asides.entry(AGAIN).or_insert(number);
-    }
-    Ok(())
+    let is_other = *first.or_insert(kd) != kd;
+    Ok(is_other.then_some("given another Kd"))
 }

@@ -10,9 +10,7 @@ use rayon::prelude::*;
 use super::encoding;
 use super::mesh::{Mark, MarkKind, Mesh};
 use super::polygons;
-use super::text::{
-    BREAK, at, join, lines, name, number, plain, quoted, rest, said,
-};
+use super::text::*;
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.

@@ -44,10 +44,8 @@ pub fn name(line: &[u8]) -> &[u8] {
 
 /// A statement without the comment behind it.
 pub fn said(line: &[u8]) -> &[u8] {
-    let begins = |&i: &usize| match line[..i].last() {
-        None | Some(&BREAK) => true,
-        Some(before) => before.is_ascii_whitespace(),
-    };
+    let is_blank = |c: &u8| c.is_ascii_whitespace() || *c == BREAK;
+    let begins = |&i: &usize| line[..i].last().is_none_or(is_blank);
     let end = memchr_iter(b'#', line).find(begins);
     &line[..end.unwrap_or(line.len())]
 }
@@ -106,16 +104,13 @@ pub fn at(text: &[u8], line: &[u8], what: &str) -> String {
 
 /// At most 80 characters of a text, such that all are seen.
 pub fn quoted(text: &str) -> String {
-    let mut quoted = String::new();
-    for c in text.chars() {
-        let shown = match c {
-            '"' | '\'' | '\\' => c.to_string(),
-            _ => c.escape_debug().to_string(),
-        };
-        if quoted.chars().count() + shown.len() > 77 {
-            return quoted + "...";
-        }
-        quoted += &shown;
+    let shown = |c: char| match c {
+        '"' | '\'' | '\\' => c.to_string(),
+        _ => c.escape_debug().to_string(),
+    };
+    let all: String = text.chars().take(80).map(shown).collect();
+    match all.char_indices().nth(77) {
+        Some((end, _)) => format!("{}...", &all[..end]),
+        None => all,
     }
-    quoted
 }
