@@ -4,8 +4,7 @@
 //! What surfaces reflect: one albedo, or one for each face.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
-use std::io::BufReader;
+use std::fs;
 use std::path::Path;
 
 use clap::ValueEnum;
@@ -13,7 +12,28 @@ use serde::{Deserialize, Serialize};
 
 use crate::bvh::{Bvh, GROUND};
 use crate::scene::encoding::quoted;
+use crate::scene::mtl::{Library, read_mtl};
 use crate::scene::{Mark, MarkKind};
+
+/// The files that a statement names, in a folder.
+fn files(line: &str, folder: &Path) -> Vec<String> {
+    let is_file = |name: &str| folder.join(name).is_file();
+    if is_file(line) {
+        return vec![line.to_owned()];
+    }
+    let line = line.replace('\\', "/").replace('"', "");
+    let (mut files, mut name) = (vec![], String::new());
+    for word in line.split_inclusive(char::is_whitespace) {
+        name += word;
+        let file = name.trim();
+        if is_file(file) || file.to_ascii_lowercase().ends_with(".mtl") {
+            files.push(file.to_owned());
+            name.clear();
+        }
+    }
+    files.extend(Some(name).filter(|name| !name.is_empty()));
+    files
+}
 
 /// What is taken of the three numbers of a material.
 #[derive(
@@ -29,98 +49,57 @@ pub enum Band {
     B,
 }
 
-/// The albedo of each material of the libraries that a file names, which are
-/// in `folder`: its luminance, or one band; and what is odd about them.
+/// The albedo of each material that a scene uses and its libraries define,
+/// which are in `folder`: its luminance, or one band; and warnings.
 ///
 /// # Errors
-/// A library cannot be read, or a material reflects less than nothing or more
-/// than all.
+/// A library cannot be read, or a `Kd` is not made of numbers from 0 to 1.
 pub fn libraries(
     marks: &[Mark],
-    folder: &Path,
+    (scene, folder): (&str, &Path),
     band: Option<Band>,
 ) -> Result<(BTreeMap<String, f64>, Vec<String>), String> {
-    let (mut albedos, mut odd) = (BTreeMap::new(), BTreeSet::new());
-    let named = marks.iter().filter(|mark| mark.kind == MarkKind::Library);
-    for Mark { name, .. } in named {
-        let files = match folder.join(name).exists() {
-            true => vec![name.as_str()],
-            false => name.split_whitespace().collect(),
-        };
-        for file in files {
-            // Read one library
-            let path = folder.join(file);
-            let shown = path.display();
-            let file = File::open(&path).map_err(|e| {
-                format!("{shown}: {e}; without --materials, -r is the albedo of all")
-            })?;
-            let (materials, _) =
-                tobj::load_mtl_buf(&mut BufReader::new(file)).map_err(
-                    |e| format!("{shown}: cannot read the materials: {e}"),
-                )?;
-            for material in materials {
-                // See what else a material is
-                let is_clear = |opacity| opacity < 1.;
-                let shines = |text: &String| {
-                    text.split(' ')
-                        .any(|word| word.parse().is_ok_and(|x: f64| x > 0.))
-                };
-                let is_transparent =
-                    || material.unknown_param.get("Tr").is_some_and(shines);
-                let is_odd = [
-                    material.dissolve.map_or_else(is_transparent, is_clear),
-                    material.diffuse_texture.is_some(),
-                    material.unknown_param.get("Ke").is_some_and(shines),
-                ];
-                let kinds = (0..).zip(is_odd).filter(|(_, is_odd)| *is_odd);
-                odd.extend(
-                    kinds.map(|(kind, _)| (kind, material.name.clone())),
-                );
-                let tobj::Material { name, diffuse, .. } = material;
-                let Some([r, g, b]) = diffuse else { continue };
-                let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-                let one = |band| [r, g, b][band as usize];
-                let albedo = band.map_or(luminance, one);
-                if !(0. ..=1.).contains(&albedo) {
-                    return Err(format!(
-                        "{shown}: material {name} has Kd {r} {g} {b}, which is not \
-                         between 0 and 1"
-                    ));
-                }
-                albedos.insert(name, albedo);
-            }
-        }
+    let used: BTreeSet<_> = names(marks, MarkKind::Material).collect();
+    let named = marks.iter().filter(|m| m.kind == MarkKind::Library);
+    let files = named.flat_map(|mark| files(&mark.name, folder));
+    let (mut all, mut seen) = (Library::default(), BTreeSet::new());
+    for name in files.filter(|name| seen.insert(name.clone())) {
+        // Read one library
+        let shown = folder.join(quoted(&name)).display().to_string();
+        let instead = "without --materials, -r is the albedo of all";
+        fs::read(folder.join(name))
+            .map_err(|error| format!(": {error}; {instead}"))
+            .and_then(|bytes| read_mtl(&bytes, &shown, &used, &mut all))
+            .map_err(|error| shown + &error)?;
     }
-    // Count the materials that are not what their library says
-    let used: Vec<&str> = names(marks, MarkKind::Material).collect();
-    let unknown = used.iter().filter(|name| !albedos.contains_key(**name));
-    odd.extend(unknown.map(|name| (3, (*name).to_owned())));
-    odd.retain(|(_, name)| used.contains(&&name[..]));
-    let tell = |(kind, what): (usize, &str)| {
-        let mut all =
-            odd.iter().filter(|odd| odd.0 == kind).map(|odd| &odd.1);
-        let (count, first) = (all.clone().count(), all.next()?);
-        Some(format!("materials that {what}: {count}, the first {first}"))
+    // Warn of what the libraries say, or do not say
+    let mut warnings = all.warnings;
+    for (first, n) in all.told.values() {
+        warnings.push(format!("{first}: the first of {n} statements"));
+    }
+    let is_unknown = |name: &&&str| !all.diffuse.contains_key(**name);
+    if let Some(name) = used.iter().find(is_unknown) {
+        let (name, n) = (quoted(name), used.len() - all.diffuse.len());
+        warnings.push(format!(
+            "{scene}: material {name} has no Kd r g b, and is given the albedo \
+             of -r or --albedo: the first of {n} materials"
+        ));
+    }
+    // Take one number of each material
+    let albedo = |[r, g, b]: [f64; 3]| match band {
+        None => 0.2126 * r + 0.7152 * g + 0.0722 * b,
+        Some(band) => [r, g, b][band as usize],
     };
-    let told = (0..).zip(ODD_MATERIALS).filter_map(tell);
-    Ok((albedos, told.collect()))
+    let all = all.diffuse.into_iter();
+    let albedos = all.map(|(name, kd)| (name, albedo(kd)));
+    Ok((albedos.collect(), warnings))
 }
 
-/// What is told of materials that are more, or less, than an albedo.
-const ODD_MATERIALS: [&str; 4] = [
-    "are transparent (d, Tr), and let no light through here",
-    "have a texture (map_Kd), and are given their Kd",
-    "are luminous (Ke), and give no light",
-    "have no Kd, and are given the albedo of -r",
-];
-
-/// The names of a kind, each once, in order.
+/// The names of a kind, each once, in order; those without letters are none.
 pub fn names(marks: &[Mark], kind: MarkKind) -> impl Iterator<Item = &str> {
     let of_kind = marks.iter().filter(move |mark| mark.kind == kind);
-    let mut all: Vec<&str> = of_kind.map(|mark| &mark.name[..]).collect();
-    all.sort_unstable();
-    all.dedup();
-    all.into_iter()
+    let all: BTreeSet<&str> = of_kind.map(|mark| &mark.name[..]).collect();
+    all.into_iter().filter(|name| !name.is_empty())
 }
 
 /// Which albedos a scene has, by name; what decides them beside its file.

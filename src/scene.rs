@@ -9,9 +9,11 @@
 
 pub mod encoding;
 pub mod mesh;
+pub mod mtl;
 pub mod obj;
 pub mod place;
 pub mod polygons;
+pub mod text;
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 

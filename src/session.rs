@@ -590,17 +590,20 @@ fn albedos_by_name(
     let named_albedos = options.named_albedos();
     let mut named = Named { named_albedos, band, ..Named::default() };
     let ignored = names(&mesh.marks, MarkKind::Material).count();
-    if options.materials && ranks.place().0 > 0 {
-        named.materials = hear(ranks)?.unwrap_or_default();
-    } else if options.materials {
+    if options.materials {
+        // Find the albedos of materials, or hear of them
         let folder = options.scene_file().and_then(Path::parent);
         let folder = folder.unwrap_or(Path::new(""));
-        let odd;
-        (named.materials, odd) =
-            libraries(&mesh.marks, folder, options.band)?;
-        tell(ranks, &named.materials);
-        odd.iter()
-            .for_each(|odd| progress::warn(&format!("{file}: {odd}")));
+        let read = if ranks.place().0 > 0 {
+            hear(ranks)?.unwrap_or_else(|| Ok(Default::default()))
+        } else {
+            let read = libraries(&mesh.marks, (&file, folder), band);
+            tell(ranks, &read);
+            read
+        };
+        let (materials, warnings) = read?;
+        named.materials = materials;
+        warnings.iter().for_each(|warning| progress::warn(warning));
     } else if ignored > 0 && named.named_albedos.is_empty() {
         let albedo = options.albedo();
         progress::warn(&format!(
@@ -830,7 +833,7 @@ fn build(
     // Settle the receivers
     if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor) {
         let grid = Grid::around(&all.middles());
-        let around = (&bvh, &frame, subject.light().zenith);
+        let around = (&bvh, &frame, subject.sky.zenith);
         all.settle(around, |hit| grid.order(hit));
         let file = options.points.as_deref().map(input_name);
         let file = file.unwrap_or(options.input_name());

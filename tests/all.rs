@@ -23,6 +23,7 @@ mod gather;
 mod identity;
 mod layers;
 mod leaks;
+mod materials;
 mod messages;
 mod mixtures;
 mod numerics;

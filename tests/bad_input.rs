@@ -304,6 +304,27 @@ fn a_backslash_behind_a_name_joins_nothing() {
 }
 
 #[test]
+fn a_comment_begins_where_a_word_begins() {
+    let all = TRIANGLE.replace('\n', " #1#2\n");
+    same(format!("#\n{all}f 1 2 3\t# 4 #\n\u{feff}#\\\n"), &with(""));
+    for word in ["1.#QNAN", "-1.#IND", "1#"] {
+        refused(TRIANGLE.replace("-9 0", &format!("-9 {word}")), &[word]);
+    }
+    refused(format!("{TRIANGLE}f 1 2 3#4"), &[":4: ", "3#4"]);
+}
+
+#[test]
+fn at_most_80_characters_are_quoted() {
+    let long = "\u{1b}\u{fc}".repeat(40) + &"9".repeat(400);
+    for line in ["v 1 1 ", "v 1 1 1 ", "f 1 2 ", "f 1 2 3/", "q"] {
+        let told = read_file(with(&format!("{line}{long}\n")).as_bytes());
+        let told = told.map_or_else(|e| e, |(_, told)| told.concat());
+        assert!(told.contains("..."), "{told}");
+        assert!(told.chars().count() < 140, "{told}");
+    }
+}
+
+#[test]
 fn statements_that_are_not_rendered_are_counted() {
     let shapes = "g a\nl 1 2 \\\n3\np 1\ncurv 0 1 1 2\nsurf 0 1 1 2 3\n";
     let words = "odd.obj:6: l, the first of 4 statements that are";

@@ -27,17 +27,17 @@ fn the_pyramid_of_the_book_has_the_sides_that_the_book_says() {
 }
 
 /// A generator of random numbers, for texts (xorshift).
-struct Random(u64);
+pub struct Random(pub u64);
 
 impl Random {
-    fn below(&mut self, n: usize) -> usize {
+    pub fn below(&mut self, n: usize) -> usize {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
         (self.0 >> 33) as usize % n
     }
 
-    fn one_of<T: Copy>(&mut self, choice: &[T]) -> T {
+    pub fn one_of<T: Copy>(&mut self, choice: &[T]) -> T {
         choice[self.below(choice.len())]
     }
 

@@ -135,9 +135,11 @@ fn ranks_stop_while_they_learn() {
 fn what_is_wrong_is_said_once() {
     let place = Scratch::new();
     place.put("bad.obj", "v 1 2\n");
+    place.put("lib.obj", format!("mtllib none.mtl\n{}", common::ROOM));
     for (arguments, message) in [
         ("-ibad.obj -oa.pfm", "bad.obj:1:"),
         ("-inone.obj -oa.pfm", "No such file"),
+        ("-ilib.obj -oa.pfm --materials", "none.mtl: No such file"),
         ("-n4 -o/dev/full", "No space left"),
     ] {
         let run = run(&place, 3, arguments);

@@ -3,15 +3,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! From the text of a Wavefront OBJ to a mesh.
 
-use std::borrow::Cow;
-
 use glam::DVec3;
-use memchr::{memchr, memchr2, memchr2_iter, memchr3_iter};
+use memchr::{memchr, memchr2};
 use rayon::prelude::*;
 
-use super::encoding::{self, quoted, shortened};
+use super::encoding::{self, quoted};
 use super::mesh::{Mark, MarkKind, Mesh};
 use super::polygons;
+use super::text::*;
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
@@ -77,8 +76,7 @@ pub fn read_pieces(
     let before: Vec<usize> = counts.into_iter().map(sum).collect();
     let unused = unused.concat();
     if let Some(&first) = unused.first() {
-        let name = name(first);
-        let name = String::from_utf8_lossy(&name[..name.len().min(40)]);
+        let name = quoted(&String::from_utf8_lossy(name(first)));
         let what = "statements that are not rendered";
         let what = format!("{name}, the first of {} {what}", unused.len());
         warnings.push(at(text, first, &what));
@@ -121,19 +119,6 @@ pub fn read_pieces(
     Ok((mesh, warnings))
 }
 
-/// The text without zeros, marks and blanks behind it, if there is text.
-fn plain(source: &[u8]) -> Result<&[u8], String> {
-    let pads = |c: &u8| matches!(*c, 0 | END) || c.is_ascii_whitespace();
-    let end = source.iter().rposition(|c| !pads(c));
-    let source = &source[..end.map_or(source.len(), |last| last + 1)];
-    let Some(zero) = memchr(0, source) else { return Ok(source) };
-    let what = "a zero byte: this is a binary file, not an OBJ";
-    Err(at(source, &source[..zero], what))
-}
-
-/// Ctrl-Z, the end of a text under CP/M and DOS.
-const END: u8 = 0x1a;
-
 /// Replaces vertices that are not finite; returns a warning of them.
 ///
 /// # Errors
@@ -150,8 +135,8 @@ fn set_aside(
     if let Some(k) = corners.iter().position(bad) {
         let face = k / 3 - joined.partition_point(|&i| i as usize <= k / 3);
         let vertex = find(text, b"v", corners[k] as usize);
-        let what =
-            String::from_utf8_lossy(vertex).replace(BREAK as char, "");
+        let what = String::from_utf8_lossy(said(vertex));
+        let what = quoted(&what.replace(BREAK as char, ""));
         let line = number(text, vertex);
         let what = quoted(&what);
         let what = format!("a corner is not finite: line {line} is {what}");
@@ -183,52 +168,6 @@ const MOST: usize = 1 << 30;
 #[path = "../../tests/units/obj.rs"]
 mod tests;
 
-/// The lines of a text, without the blanks and marks around them.
-fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
-    let mut start = 0;
-    let ends = memchr2_iter(b'\n', b'\r', text).chain([text.len()]);
-    ends.map(move |end| {
-        let mut line = &text[start..end];
-        start = end + 1;
-        while let [0xef, 0xbb, 0xbf, rest @ ..] | [END, rest @ ..] = line {
-            line = rest;
-        }
-        line.trim_ascii()
-    })
-}
-
-/// The text with each statement in a line of its own.
-fn join(source: &[u8]) -> Cow<'_, [u8]> {
-    let (mut text, mut end) = (Cow::Borrowed(source), 0);
-    while let Some(n) = memchr(b'\\', &source[end..]) {
-        let start = end + n;
-        let is_gap = |c: &&u8| **c == b'\\' || c.is_ascii_whitespace();
-        end = start + source[start..].iter().take_while(is_gap).count();
-        let is_end = |c: &u8| matches!(c, b'\n' | b'\r');
-        let mut before = source[..start].rsplit(is_end);
-        let ends =
-            end == source.len() || source[start..end].iter().any(is_end);
-        if ends && before.next().is_none_or(|line| !line.contains(&b'#')) {
-            // Fill the gap between the lines of a statement
-            let next = source.get(end);
-            let goes_on =
-                next.is_some_and(|c| b"0123456789-+.".contains(c));
-            for i in start..end {
-                text.to_mut()[i] = match source[i] {
-                    b'\\' => b' ',
-                    b'\r' if source[i..].starts_with(b"\r\n") => b' ',
-                    b'\r' | b'\n' if goes_on => BREAK,
-                    other => other,
-                };
-            }
-        }
-    }
-    text
-}
-
-/// Stands for the end of a line within a statement.
-const BREAK: u8 = b'\x0b';
-
 /// The number of vertices, and the statements without use.
 fn count(piece: &[u8]) -> (usize, Vec<&[u8]>) {
     let (mut vertices, mut unused) = (0, vec![]);
@@ -241,11 +180,6 @@ fn count(piece: &[u8]) -> (usize, Vec<&[u8]>) {
         }
     }
     (vertices, unused)
-}
-
-/// The first word of a statement.
-fn name(line: &[u8]) -> &[u8] {
-    line.split(u8::is_ascii_whitespace).next().unwrap_or_default()
 }
 
 /// Statements that say how faces look or are called, or belong to a shape
@@ -300,15 +234,12 @@ fn read_statement(
     };
     if let Some(kind) = kind {
         // Note what the faces are called
-        let rest = text[name(text).len()..].trim_ascii();
-        let name = String::from_utf8_lossy(rest).into_owned();
+        let name = rest(text);
         let face = (mesh.triangles.len() - mesh.joined.len()) as u32;
         mesh.marks.push(Mark { face, kind, name });
         return Ok(());
     }
-    let end = memchr(b'#', text).unwrap_or(text.len());
-    let text =
-        str::from_utf8(&text[..end]).map_err(|_| "not UTF-8 text")?;
+    let text = str::from_utf8(said(text)).map_err(|_| "not UTF-8 text")?;
     if text.is_ascii() && memchr(BREAK, text.as_bytes()).is_none() {
         read_element(text.split_ascii_whitespace(), vertices, mesh)
     } else {
@@ -334,11 +265,11 @@ fn read_vertex<'a>(
     for (axis, value) in ["x", "y", "z"].iter().zip(&mut position) {
         let none = || format!("a vertex without {axis}");
         let word = words.next().ok_or_else(none)?;
-        let wrong = |_| format!("{axis} = {word} is no number");
+        let wrong = |_| format!("{axis} = {} is no number", quoted(word));
         *value = word.parse().map_err(wrong)?;
     }
     match words.find(|word| word.parse::<f64>().is_err()) {
-        Some(word) => Err(format!("{word} is no number")),
+        Some(word) => Err(format!("{} is no number", quoted(word))),
         None => Ok(position.into()),
     }
 }
@@ -378,10 +309,13 @@ fn read_corner(
     // Judge what follows the first slash
     let is_number = |n: &str| n.is_empty() || n.parse::<i64>().is_ok();
     if !others.is_empty() && !others.splitn(2, '/').all(is_number) {
+        let word = quoted(word);
         return Err(format!("corner {word} is not of the form 1/2/3"));
     }
     match digits.parse::<i64>() {
-        Err(_) => Err(format!("corner {word} is no vertex number")),
+        Err(_) => {
+            Err(format!("corner {} is no vertex number", quoted(word)))
+        }
         Ok(0) => Err("vertices are counted from 1, not from 0".to_owned()),
         Ok(n) if n > total as i64 => {
             Err(format!("corner {n}, but only {total} vertices"))
@@ -392,17 +326,4 @@ fn read_corner(
         }
         Ok(n) => Ok((so_far as i64 + n) as u32),
     }
-}
-
-/// The number, from 1, of the last line in which `line`, a part of `text`,
-/// stands.
-fn number(text: &[u8], line: &[u8]) -> usize {
-    let end = line.as_ptr_range().end.addr() - text.as_ptr().addr();
-    let ends = memchr3_iter(b'\n', b'\r', BREAK, &text[..end]);
-    1 + ends.filter(|&i| !text[i..].starts_with(b"\r\n")).count()
-}
-
-/// What is wrong with a line, as it follows the name of the file.
-fn at(text: &[u8], line: &[u8], what: &str) -> String {
-    format!(":{}: {}", number(text, line), shortened(what))
 }

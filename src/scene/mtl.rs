@@ -1,0 +1,103 @@
+// Tangled from chapters/materials.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! From the text of a library of materials to what diffuse surfaces reflect.
+
+use std::collections::BTreeSet;
+use std::collections::btree_map::{BTreeMap, Entry};
+
+use super::encoding::{self, quoted};
+use super::text::*;
+
+/// What libraries say of the materials of a scene.
+#[derive(Default)]
+pub struct Library {
+    /// The first `Kd` of each, in red, green and blue, from 0 to 1.
+    pub diffuse: BTreeMap<String, [f64; 3]>,
+    /// For each kind of what is not rendered, a message that tells of the
+    /// first statement, and their number.
+    pub told: BTreeMap<&'static str, (String, usize)>,
+    /// Other messages.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a library, called `file`, of which a scene uses some materials.
+///
+/// # Errors
+/// Those of `encoding::text`, a zero byte, or a `Kd` that is not one number
+/// or three from 0 to 1; to be put behind the name of the file.
+pub fn read_mtl(
+    source: &[u8],
+    file: &str,
+    used: &BTreeSet<&str>,
+    all: &mut Library,
+) -> Result<(), String> {
+    let mut odd = vec![];
+    let text = encoding::text(source, &mut odd)?;
+    let text = &join(plain(&text)?)[..];
+    all.warnings.extend(odd.iter().map(|odd| format!("{file}{odd}")));
+    let mut material = String::new();
+    for line in lines(text) {
+        if name(line) == b"newmtl" {
+            material = rest(line);
+        } else if used.contains(&material[..]) {
+            // Read a statement of a material
+            let at = |what: String| at(text, line, &what);
+            let kd = all.diffuse.entry(material.clone());
+            let Some(kind) = judge(line, kd).map_err(at)? else { continue };
+            let first = || {
+                let m = quoted(&material);
+                let what = format!("material {m} is {kind}, not rendered");
+                (file.to_owned() + &at(what), 0)
+            };
+            all.told.entry(kind).or_insert_with(first).1 += 1;
+        }
+    }
+    Ok(())
+}
+
+/// What a statement says that is not rendered, if anything; or notes its
+/// `Kd`, unless there is one.
+fn judge(
+    line: &[u8],
+    kd: Entry<'_, String, [f64; 3]>,
+) -> Result<Option<&'static str>, String> {
+    let word = String::from_utf8_lossy(name(line)).to_ascii_lowercase();
+    let map = word.strip_prefix("map_");
+    let text = rest(if map.is_some() { line } else { said(line) });
+    let (none, kind): (fn(f64) -> bool, _) = match map.unwrap_or(&word) {
+        "kd" if map.is_none() => return read_kd(&text, kd),
+        "kd" | "decal" => (|_| false, "textured (map_Kd)"),
+        "d" => (|x| x >= 1., "transparent (d, Tr)"),
+        "tr" => (|x| x <= 0., "transparent (d, Tr)"),
+        "ke" => (|x| x <= 0., "luminous (Ke)"),
+        "ks" | "pm" | "refl" => (|x| x <= 0., "glossy (Ks, illum)"),
+        "illum" => (|x| x <= 1., "glossy (Ks, illum)"),
+        _ => return Ok(None),
+    };
+    let is_some = |w: &str| w != "-halo" && !w.parse().is_ok_and(none);
+    Ok(text.split_whitespace().any(is_some).then_some(kind))
+}
+
+/// Notes what stands behind a `Kd`, or says what it is beside that.
+fn read_kd(
+    text: &str,
+    first: Entry<'_, String, [f64; 3]>,
+) -> Result<Option<&'static str>, String> {
+    let numbers = text.split_whitespace().map(str::parse);
+    let kd = match numbers.collect::<Result<Vec<f64>, _>>().as_deref() {
+        Ok(&[grey]) => [grey; 3],
+        Ok(&[r, g, b]) => [r, g, b],
+        _ if text.starts_with("xyz") || text.starts_with("spectral") => {
+            return Ok(Some("coloured (Kd xyz, Kd spectral)"));
+        }
+        _ => [f64::NAN; 3],
+    };
+    if !kd.iter().all(|x| (0. ..=1.).contains(x)) {
+        let (name, text) = (quoted(first.key()), quoted(text));
+        let what = "expected one number from 0 to 1, or three, and not";
+        return Err(format!("material {name}: {what} 'Kd {text}'"));
+    }
+    let is_other = *first.or_insert(kd) != kd;
+    Ok(is_other.then_some("given another Kd"))
+}
