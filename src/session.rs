@@ -238,7 +238,7 @@ fn run(
     let auto = image.is_some().then_some(Exposure::Auto);
     output.exposure = options.exposure.or(auto);
     // Collect the limits
-    let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
+    let most = deadline.map_or(0., |end| seconds_to(end) * 2. / 3.);
     let seconds = output.seconds_to_write(run.0.area());
     let measure = output.known.report.measure;
     let limits = Limits {
