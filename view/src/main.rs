@@ -3,20 +3,31 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The command `ptview`: turns a scene in the browser.
 //!
-//! The main thread answers requests, another one renders what is wanted, and
-//! one for each open page sends it what is rendered.
+//! The main thread answers requests and sends pages what is rendered; another
+//! one renders what is wanted.
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::ffi::OsString;
 use std::fs::{self, File};
+use std::future::pending;
 use std::io::{self, Read, Write};
 use std::process::{Child, Command, ExitCode, Stdio};
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, RwLock};
 use std::time::{Duration, Instant};
 use std::{env, mem, thread};
 
 use glam::DVec3;
+use http_body_util::channel::{Channel, Sender};
+use http_body_util::{BodyExt, Either, Full, Limited};
+use hyper::body::{Bytes, Incoming};
+use hyper::header::{ALLOW, CONTENT_TYPE, HOST};
+use hyper::http::uri::Authority;
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method as Verb, Request, Response, StatusCode};
+use hyper_util::rt::TokioIo;
 use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{GROUND, Hit};
@@ -40,7 +51,12 @@ use litpt::sky::Sky;
 use litpt::state::key::Subject;
 use serde_json::{Map, Value, json};
 use tempfile::TempDir;
-use tiny_http::{Method as Verb, Request, Server};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::runtime::Builder;
+use tokio::sync::watch::{self, Receiver};
+use tokio::task::yield_now;
+use tokio::time::{sleep, timeout};
+use tokio_io_timeout::TimeoutWriter;
 
 /// What the pages want to see.
 #[derive(Default)]
@@ -50,16 +66,6 @@ struct Wanted {
     number: u64,
     /// Whether the scene is to be read again.
     reads: bool,
-    /// The number of open pages.
-    pages: usize,
-}
-
-/// What pages are sent: an image, and the state of the view by name, each with
-/// how often it has changed.
-#[derive(Default)]
-struct Shown {
-    image: (u64, Arc<Vec<u8>>),
-    state: (u64, Map<String, Value>),
 }
 
 /// A scene, how it is looked at, and by whom.
@@ -74,8 +80,9 @@ struct Viewer {
     changed: Condvar,
     /// Stops the run that goes on.
     interrupt: Interrupt,
-    shown: Mutex<Shown>,
-    fresh: Condvar,
+    /// The newest image as a message, and the state of the view by name.
+    image: watch::Sender<Bytes>,
+    state: watch::Sender<Map<String, Value>>,
     render: Mutex<Option<Render>>,
 }
 
@@ -84,15 +91,22 @@ fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
     value.lock().expect("no panic with the lock")
 }
 
-/// A kind of content, and the content.
-type Answer = (&'static str, Vec<u8>);
+/// What a request gets, or the reason why not.
+type Answer<T> = Result<T, StatusCode>;
+
+/// The content of an answer: all of it, or a stream.
+type Content = Either<Full<Bytes>, Channel<Bytes>>;
+
+fn full(content: impl Into<Bytes>) -> Content {
+    Either::Left(Full::new(content.into()))
+}
 
 /// A message of a stream: the lengths of its two parts, a text and numbers.
-fn message(text: &Value, numbers: &[u8]) -> Vec<u8> {
+fn message(text: &Value, numbers: &[u8]) -> Bytes {
     let text = text.to_string();
     let lengths = [text.len(), numbers.len()].map(|n| n as u32);
     let lengths = lengths.map(u32::to_le_bytes).concat();
-    [&lengths, text.as_bytes(), numbers].concat()
+    [&lengths, text.as_bytes(), numbers].concat().into()
 }
 
 /// A run of pt that renders the view to files.
@@ -133,31 +147,24 @@ fn run() -> Result<(), Error> {
     viewer.scene = RwLock::new(Some(World::open(&first)?));
     progress::hush();
     // Serve a page on a free port of this machine
-    let server = Server::http("127.0.0.1:0")
-        .map_err(|e| format!("cannot serve a page: {e}"))?;
-    viewer.host = server.server_addr().to_string();
+    let fault = |e| format!("cannot serve a page: {e}");
+    let runtime = Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(fault)?;
+    let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0"));
+    let listener = listener.map_err(fault)?;
+    viewer.host = listener.local_addr().map_err(fault)?.to_string();
     let address = format!("http://{}/{}/", viewer.host, viewer.token);
     let _ = writeln!(io::stdout(), "{address}");
     open_browser(&address);
     let viewer: &Viewer = Box::leak(Box::new(viewer));
     thread::spawn(|| viewer.work());
-    while interrupt.signal().is_none() {
-        let request = server.recv_timeout(Duration::from_millis(50));
-        // Pass on a request, if there is one
-        match request {
-            Ok(Some(request)) if request.body_length() > Some(BODY) => {
-                mem::forget(request);
-            }
-            Ok(Some(request))
-                if viewer.name_of(&request) == Some("stream") =>
-            {
-                thread::spawn(|| viewer.stream(request));
-            }
-            Ok(Some(request)) => viewer.answer(request),
-            _ => (),
+    runtime.block_on(async {
+        tokio::spawn(viewer.serve(listener));
+        while interrupt.signal().is_none() {
+            sleep(Duration::from_millis(50)).await;
+            viewer.watch_render();
         }
-        viewer.watch_render();
-    }
+    });
     viewer.stop_render();
     *lock(&viewer.render) = None;
     Ok(())
@@ -254,8 +261,14 @@ impl Viewer {
     }
 }
 
-/// The most bytes of the body of a request.
+/// The most bytes of the content of a request.
 const BODY: usize = 1024;
+
+/// How long a client may keep us waiting.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// How many connections may be open that have not named the secret.
+const STRANGERS: u64 = 32;
 
 /// The page, its style and its program.
 const PAGE: [&str; 3] = [
@@ -264,12 +277,16 @@ const PAGE: [&str; 3] = [
     include_str!("view.js"),
 ];
 
-/// No other site may read what we send, show it, or add to it; and each request
-/// has a connection of its own.
-const HEADERS: &str = "Content-Security-Policy: default-src 'self'; \
-    img-src 'self' data:; frame-ancestors 'none'\r\n\
-    Cache-Control: no-store\r\nReferrer-Policy: no-referrer\r\n\
-    X-Content-Type-Options: nosniff\r\nConnection: close\r\n";
+/// No other site may read what we send, show it, or add to it.
+const HEADERS: [(&str, &str); 4] = [
+    (
+        "Content-Security-Policy",
+        "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'",
+    ),
+    ("Cache-Control", "no-store"),
+    ("Referrer-Policy", "no-referrer"),
+    ("X-Content-Type-Options", "nosniff"),
+];
 
 /// Follows paths up to their second surface, and takes the radiance there from
 /// a cache, if there is one.
@@ -359,7 +376,7 @@ impl Viewer {
         let mut good = lock(&self.wanted).settings.clone();
         loop {
             let idle = |wanted: &mut Wanted| {
-                wanted.number == done || wanted.pages == 0
+                wanted.number == done || self.image.receiver_count() == 0
             };
             let wanted = self.changed.wait_while(lock(&self.wanted), idle);
             let mut wanted = wanted.expect("no panic with the lock");
@@ -603,116 +620,187 @@ impl Viewer {
             numbers.extend(film.errors(WORTH, film.window));
         }
         let numbers = numbers.iter().map(|x| (*x as f32).to_le_bytes());
-        let bytes = message(&about, &numbers.collect::<Vec<_>>().concat());
-        let mut shown = lock(&self.shown);
-        shown.image = (shown.image.0 + 1, Arc::new(bytes));
-        self.fresh.notify_all();
+        let bytes = numbers.collect::<Vec<_>>().concat();
+        self.image.send_replace(message(&about, &bytes));
     }
 
     /// Tells all pages what has changed of the state of the view.
-    fn tell(&self, state: Value) {
-        let mut shown = lock(&self.shown);
-        if let Value::Object(state) = state {
-            shown.state.1.extend(state);
-        }
-        shown.state.0 += 1;
-        self.fresh.notify_all();
+    fn tell(&self, news: Value) {
+        let Value::Object(news) = news else { return };
+        self.state.send_modify(|state| state.extend(news));
     }
 
     /// Sends a page what is shown, until it is closed.
-    fn stream(&self, request: Request) {
-        lock(&self.wanted).pages += 1;
-        if lock(&self.wanted).pages == 1 {
+    async fn stream(&self, mut page: Sender<Bytes>) {
+        let beat = Duration::from_millis(250);
+        let mut image = self.image.subscribe();
+        let mut state = self.state.subscribe();
+        image.mark_changed();
+        state.mark_changed();
+        if self.image.receiver_count() == 1 {
             self.want(|_| ());
         }
-        let mut out = request.into_writer();
-        let (mut last, beat) = ((0, 0), Duration::from_millis(250));
-        let kind = "Content-Type: application/octet-stream";
-        let head = format!("HTTP/1.1 200 OK\r\n{kind}\r\n{HEADERS}\r\n");
-        let mut written = out.write_all(head.as_bytes());
-        while written.is_ok() {
-            let same = |s: &mut Shown| (s.image.0, s.state.0) == last;
-            let shown = lock(&self.shown);
-            let waited = self.fresh.wait_timeout_while(shown, beat, same);
-            let (shown, _) = waited.expect("no panic with the lock");
-            let has_new =
-                [last.0 != shown.image.0, last.1 != shown.state.0];
-            last = (shown.image.0, shown.state.0);
-            let image = Arc::clone(&shown.image.1);
-            let state = has_new[1].then(|| shown.state.1.clone());
-            drop(shown);
-            let mut bytes = message(&json!({ "state": state }), &[]);
-            if has_new[0] {
-                bytes.extend_from_slice(&image);
-            }
-            written = out.write_all(&bytes).and_then(|()| out.flush());
+        let mut is_open = true;
+        while is_open {
+            let next = tokio::select! {
+                biased;
+                _ = state.changed() => {
+                    let state = &*state.borrow_and_update();
+                    message(&json!({ "state": state }), &[])
+                }
+                _ = image.changed() => image.borrow_and_update().clone(),
+                () = sleep(beat) => message(&json!({}), &[]),
+            };
+            is_open = page.send_data(next).await.is_ok();
         }
-        thread::sleep(beat);
-        let mut wanted = lock(&self.wanted);
-        wanted.pages -= 1;
-        if wanted.pages == 0 {
+        sleep(beat).await;
+        drop(image);
+        if self.image.receiver_count() == 0 {
             self.interrupt.0.store(1, Relaxed);
-            drop(wanted);
             self.stop_render();
         }
     }
 
-    /// What the address of a request names; nothing if it does not know the
-    /// secret, or was made for another host.
-    fn name_of<'r>(&self, request: &'r Request) -> Option<&'r str> {
-        let mut hosts = request.headers().iter();
-        let host = hosts.find(|header| header.field.equiv("Host"))?;
-        let host = host.value.as_str().replace("localhost", "127.0.0.1");
-        let name = request.url().strip_prefix('/')?;
-        let name = name.strip_prefix(&*self.token)?.strip_prefix('/')?;
-        (host == self.host).then_some(name)
+    /// What the address of a request names; a refusal if it does not know the
+    /// secret, or was made for another host or for none.
+    fn name_of(&self, request: &Request<Incoming>) -> Answer<String> {
+        let mut hosts = request.headers().get_all(HOST).iter();
+        let (Some(host), None) = (hosts.next(), hosts.next()) else {
+            return Err(StatusCode::BAD_REQUEST);
+        };
+        let host = host.to_str().unwrap_or_default();
+        let host = request.uri().authority().map_or(host, Authority::as_str);
+        let host = host.to_lowercase().replace("localhost", "127.0.0.1");
+        let path = request.uri().path().strip_prefix('/');
+        let name = path.and_then(|path| path.strip_prefix(&*self.token));
+        let name = name.and_then(|path| path.strip_prefix('/'));
+        let name = name.filter(|_| host == self.host);
+        name.map(str::to_owned).ok_or(StatusCode::NOT_FOUND)
     }
 
-    /// Answers a request of a page.
-    fn answer(&self, mut request: Request) {
-        let posts = *request.method() == Verb::Post
-            && request.body_length().is_some();
-        let body =
-            posts.then(|| serde_json::from_reader(request.as_reader()));
-        let body: Value = body.and_then(Result::ok).unwrap_or_default();
-        let name = self.name_of(&request).unwrap_or("?");
-        let answer = match name {
-            "" => Some(("text/html", PAGE[0].into())),
-            "view.css" => Some(("text/css", PAGE[1].into())),
-            "view.js" => Some(("text/javascript", PAGE[2].into())),
-            _ if posts => self.act(name, &body),
-            _ => self.file(name),
-        };
-        let (status, kind, content) = match answer {
-            Some((kind, content)) => ("200 OK", kind, content),
-            None => ("404 Not Found", "text/plain", b"not found".to_vec()),
-        };
-        let head = format!(
-            "HTTP/1.1 {status}\r\nContent-Type: {kind}; charset=utf-8\r\n\
-             Content-Length: {}\r\n{HEADERS}\r\n",
-            content.len()
-        );
-        let mut out = request.into_writer();
-        let _ = out.write_all(&[head.as_bytes(), &content].concat());
-        let _ = out.flush();
+    /// Accepts connections, as long as the program lasts.
+    async fn serve(&'static self, listener: TcpListener) {
+        let last = watch::Sender::new(0);
+        loop {
+            match listener.accept().await {
+                Ok((stream, _)) => {
+                    last.send_modify(|last| *last += 1);
+                    tokio::spawn(self.attend(stream, last.subscribe()));
+                }
+                // Too many files are open; some will be closed soon.
+                Err(_) => sleep(Duration::from_millis(50)).await,
+            }
+            // Let connections end before the next one comes.
+            yield_now().await;
+        }
     }
 
-    /// Does what a page asks for; nothing if it is unknown.
-    fn act(&self, name: &str, body: &Value) -> Option<Answer> {
-        let answer = match name {
-            "set" => self.set(body).into(),
-            "pick" => self.pick(body).unwrap_or_default(),
-            "render" => {
-                self.render(body);
-                Value::Null
+    /// Answers the request of a connection, the last one at the moment.
+    async fn attend(
+        &'static self,
+        stream: TcpStream,
+        mut last: Receiver<u64>,
+    ) {
+        let own = *last.borrow();
+        let is_known = &AtomicBool::new(false);
+        let mut stream = Box::pin(TimeoutWriter::new(stream));
+        stream.as_mut().set_timeout_pinned(Some(PATIENCE));
+        let answer = service_fn(|request| self.answer(request, is_known));
+        let mut server = http1::Builder::new();
+        server.keep_alive(false).half_close(true);
+        let served = server.serve_connection(TokioIo::new(stream), answer);
+        let stays_strange = async {
+            let is_old = |last: &u64| {
+                last - own > STRANGERS && !is_known.load(Relaxed)
+            };
+            let _ = timeout(PATIENCE, last.wait_for(is_old)).await;
+            if is_known.load(Relaxed) {
+                pending().await
             }
-            "stop" => {
-                self.stop_render();
-                Value::Null
-            }
-            _ => return None,
         };
-        Some(("application/json", answer.to_string().into_bytes()))
+        tokio::select! { _ = served => (), () = stays_strange => () }
+    }
+
+    /// Answers a request.
+    async fn answer(
+        &'static self,
+        request: Request<Incoming>,
+        is_known: &AtomicBool,
+    ) -> Result<Response<Content>, Infallible> {
+        let name = self.name_of(&request);
+        is_known.store(name.is_ok(), Relaxed);
+        let methods = match name.as_deref() {
+            Ok("set" | "pick" | "render" | "stop") => "POST",
+            Ok("" | "view.css" | "view.js" | "stream") => "GET, HEAD",
+            Ok(name) if FILES.contains(&name) => "GET, HEAD",
+            _ => "",
+        };
+        let has = |name| methods.split(", ").any(|method| method == name);
+        let reply = match name {
+            Ok(_) if methods.is_empty() => Err(StatusCode::NOT_FOUND),
+            Ok(_) if !has(request.method().as_str()) => {
+                Err(StatusCode::METHOD_NOT_ALLOWED)
+            }
+            Ok(name) => self.reply(&name, request).await,
+            Err(refusal) => Err(refusal),
+        };
+        // Make a response of a reply
+        let (status, (kind, content)) = match reply {
+            Ok(reply) => (StatusCode::OK, reply),
+            Err(status) => (status, ("text/plain", full(status.to_string()))),
+        };
+        let response = Response::builder().status(status);
+        let kind = format!("{kind}; charset=utf-8");
+        let mut response = response.header(CONTENT_TYPE, kind);
+        for (name, value) in HEADERS {
+            response = response.header(name, value);
+        }
+        let response = response.header(ALLOW, methods).body(content);
+        Ok(response.expect("fields of ASCII"))
+    }
+
+    /// The content that a request is answered with, or the refusal.
+    async fn reply(
+        &'static self,
+        name: &str,
+        request: Request<Incoming>,
+    ) -> Answer<(&'static str, Content)> {
+        Ok(match name {
+            "" => ("text/html", full(PAGE[0])),
+            "view.css" => ("text/css", full(PAGE[1])),
+            "view.js" => ("text/javascript", full(PAGE[2])),
+            "stream" => {
+                let (page, content) = Channel::new(1);
+                tokio::spawn(self.stream(page));
+                ("application/octet-stream", Either::Right(content))
+            }
+            _ if request.method() == Verb::POST => {
+                // Read what a page posts
+                let body = Limited::new(request.into_body(), BODY).collect();
+                let body = timeout(PATIENCE, body).await;
+                let body = body.map_err(|_| StatusCode::REQUEST_TIMEOUT)?;
+                let body = body.map_err(|_| StatusCode::PAYLOAD_TOO_LARGE)?.to_bytes();
+                let body = serde_json::from_slice(&body);
+                let body: Value = body.map_err(|_| StatusCode::BAD_REQUEST)?;
+                let done = self.act(name, &body).to_string();
+                ("application/json", full(done))
+            }
+            _ => {
+                let file = self.file(name).ok_or(StatusCode::NOT_FOUND)?;
+                ("application/octet-stream", full(file))
+            }
+        })
+    }
+
+    /// Does what a page asks for.
+    fn act(&self, name: &str, body: &Value) -> Value {
+        match name {
+            "set" => return self.set(body).into(),
+            "pick" => return self.pick(body).unwrap_or_default(),
+            "render" => self.render(body),
+            _ => self.stop_render(),
+        }
+        Value::Null
     }
 
     /// Changes settings, of which a null takes one away; returns the number of
@@ -830,11 +918,9 @@ impl Viewer {
     }
 
     /// A file that was rendered.
-    fn file(&self, name: &str) -> Option<Answer> {
-        let name = FILES.into_iter().find(|file| *file == name)?;
+    fn file(&self, name: &str) -> Option<Vec<u8>> {
         let render = lock(&self.render);
-        let path = render.as_ref()?.folder.path().join(name);
-        Some(("application/octet-stream", fs::read(path).ok()?))
+        fs::read(render.as_ref()?.folder.path().join(name)).ok()
     }
 }
 

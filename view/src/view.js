@@ -18,6 +18,7 @@ const turned = (v, axis, angle) => add(add(scaled(v, Math.cos(angle)),
 // What the server has told, and the camera as it is moved here.
 let state = {}, view = null, image = null, sent = 0;
 let exposure = null, stops = null, pivot = null, showsErrors = false;
+let held = null;
 
 const post = (name, body) => fetch(name, {
   method: "POST", body: JSON.stringify(body) });
@@ -245,12 +246,15 @@ const pick = async (event) => (await post("pick", place(event))).json();
 
 canvas.addEventListener("pointerdown", async (event) => {
   canvas.setPointerCapture(event.pointerId);
+  held = event;
   pivot = view.target;
   pivot = (await pick(event))?.point ?? pivot;
 });
 canvas.addEventListener("pointermove", (event) => {
   if (!event.buttons) return point(event);
-  const [dx, dy] = [event.movementX, event.movementY];
+  if (event.pointerId !== held?.pointerId) return;
+  const dx = event.clientX - held.clientX, dy = event.clientY - held.clientY;
+  held = event;
   if (!event.shiftKey) return turn(pivot, [-0.006 * dx, -0.006 * dy]);
   const depth = dot(add(pivot, view.position, -1), axes().ahead);
   const height = 2 * depth * Math.tan(view.fov * Math.PI / 360);
