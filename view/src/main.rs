@@ -10,7 +10,6 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::future::pending;
 use std::io::{self, Read, Write};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -18,15 +17,21 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, RwLock};
 use std::time::{Duration, Instant};
 use std::{env, mem, thread};
 
+use axum::body::{Body, Bytes};
+use axum::extract::rejection::JsonRejection;
+use axum::extract::{DefaultBodyLimit, Path};
+use axum::http::StatusCode;
+use axum::http::header::{CONTENT_TYPE, HOST};
+use axum::http::uri::Authority;
+use axum::response::IntoResponse;
+use axum::routing::{get, post};
+use axum::{Json, Router};
 use glam::DVec3;
 use http_body_util::channel::{Channel, Sender};
-use http_body_util::{BodyExt, Either, Full, Limited};
-use hyper::body::{Bytes, Incoming};
-use hyper::header::{ALLOW, CONTENT_TYPE, HOST};
-use hyper::http::uri::Authority;
+use hyper::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
-use hyper::{Method as Verb, Request, Response, StatusCode};
 use hyper_util::rt::TokioIo;
 use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{LitView, SceneAnalysis};
@@ -51,12 +56,13 @@ use litpt::sky::Sky;
 use litpt::state::key::Subject;
 use serde_json::{Map, Value, json};
 use tempfile::TempDir;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::TcpListener;
 use tokio::runtime::Builder;
-use tokio::sync::watch::{self, Receiver};
+use tokio::sync::watch;
 use tokio::task::yield_now;
 use tokio::time::{sleep, timeout};
 use tokio_io_timeout::TimeoutWriter;
+use tower_service::Service;
 
 /// What the pages want to see.
 #[derive(Default)]
@@ -89,16 +95,6 @@ struct Viewer {
 /// A value that only one thread has.
 fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
     value.lock().expect("no panic with the lock")
-}
-
-/// What a request gets, or the reason why not.
-type Answer<T> = Result<T, StatusCode>;
-
-/// The content of an answer: all of it, or a stream.
-type Content = Either<Full<Bytes>, Channel<Bytes>>;
-
-fn full(content: impl Into<Bytes>) -> Content {
-    Either::Left(Full::new(content.into()))
 }
 
 /// A message of a stream: the lengths of its two parts, a text and numbers.
@@ -213,23 +209,17 @@ fn begin(words: &mut Vec<String>) -> Settings {
     let mut typed = mem::take(words).into_iter().peekable();
     while let Some(word) = typed.next() {
         let is_long = word.starts_with("--");
-        let (name, value) = match word.split_once('=') {
-            Some((name, value)) if is_long => (name, Some(value)),
-            _ if is_long => (&*word, None),
-            _ => word.split_at_checked(2).map_or((&*word, None), |parts| {
-                (parts.0, Some(parts.1).filter(|rest| !rest.is_empty()))
-            }),
-        };
-        let mut all = SETTINGS.iter();
-        let known =
-            all.find(|(short, long)| [*short, *long].contains(&name));
+        let end = word.find('=').filter(|_| is_long);
+        let end = end.unwrap_or(if is_long { word.len() } else { 2 });
+        let (name, rest) =
+            word.split_at_checked(end).unwrap_or((&*word, ""));
+        let known = SETTINGS.iter().find(|it| it.0 == name || it.1 == name);
         let is_plain = |value: &String| !value.contains('=');
-        let follows = |next: &String| known.is_some() && is_plain(next);
-        let value = match value {
-            Some(value) => Some(value.to_owned()).filter(is_plain),
-            None => typed.next_if(follows),
+        let value = match rest {
+            "" => typed.next_if(|next| known.is_some() && is_plain(next)),
+            _ => Some(rest.strip_prefix('=').unwrap_or(rest).to_owned()),
         };
-        match (known, value) {
+        match (known, value.filter(is_plain)) {
             (Some((name, _)), Some(value)) => {
                 settings.insert((*name).to_owned(), value);
             }
@@ -261,32 +251,20 @@ impl Viewer {
     }
 }
 
-/// The most bytes of the content of a request.
-const BODY: usize = 1024;
-
-/// How long a client may keep us waiting.
-const PATIENCE: Duration = Duration::from_secs(5);
-
-/// How many connections may be open that have not named the secret.
-const STRANGERS: u64 = 32;
-
 /// The page, its style and its program.
-const PAGE: [&str; 3] = [
-    include_str!("page.html"),
-    include_str!("view.css"),
-    include_str!("view.js"),
-];
+const PAGE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("view.css");
+const PROGRAM: &str = include_str!("view.js");
 
 /// No other site may read what we send, show it, or add to it.
 const HEADERS: [(&str, &str); 4] = [
-    (
-        "Content-Security-Policy",
-        "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'",
-    ),
+    ("Content-Security-Policy", POLICY),
     ("Cache-Control", "no-store"),
     ("Referrer-Policy", "no-referrer"),
     ("X-Content-Type-Options", "nosniff"),
 ];
+const POLICY: &str =
+    "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'";
 
 /// Follows paths up to their second surface, and takes the radiance there from
 /// a cache, if there is one.
@@ -388,17 +366,14 @@ impl Viewer {
             let shown = self.show(done, settings, reads, &mut guess);
             // Keep settings that can be shown
             let mut wanted = lock(&self.wanted);
-            match shown {
-                Ok(()) if wanted.number == done => {
-                    good = wanted.settings.clone()
+            if wanted.number == done {
+                match shown {
+                    Ok(()) => good.clone_from(&wanted.settings),
+                    Err(_) => wanted.settings.clone_from(&good),
                 }
-                Err(fault) => {
-                    if wanted.number == done {
-                        wanted.settings = good.clone();
-                    }
-                    self.tell(json!({ "fault": fault }));
-                }
-                Ok(()) => (),
+            }
+            if let Err(fault) = shown {
+                self.tell(json!({ "fault": fault }));
             }
         }
     }
@@ -630,6 +605,14 @@ impl Viewer {
         self.state.send_modify(|state| state.extend(news));
     }
 
+    /// Opens the stream of a page.
+    fn open_stream(&'static self) -> impl IntoResponse {
+        let (page, stream) = Channel::<_, Infallible>::new(1);
+        tokio::spawn(self.stream(page));
+        let kind = "application/octet-stream";
+        ([(CONTENT_TYPE, kind)], Body::new(stream))
+    }
+
     /// Sends a page what is shown, until it is closed.
     async fn stream(&self, mut page: Sender<Bytes>) {
         let beat = Duration::from_millis(250);
@@ -661,146 +644,91 @@ impl Viewer {
         }
     }
 
-    /// What the address of a request names; a refusal if it does not know the
-    /// secret, or was made for another host or for none.
-    fn name_of(&self, request: &Request<Incoming>) -> Answer<String> {
+    /// What a page may ask for. Anything else is refused by the library.
+    fn routes(&'static self) -> Router {
+        let at = |name| format!("/{}/{name}", self.token);
+        let text = |kind, text: &'static str| {
+            let kind = format!("text/{kind}; charset=utf-8");
+            get(([(CONTENT_TYPE, kind)], text))
+        };
+        let act = |act: fn(&Self, &Value) -> Value| {
+            post(async move |body: Bytes| {
+                let Json(body) = Json::from_bytes(&body)?;
+                Ok::<_, JsonRejection>(Json(act(self, &body)))
+            })
+        };
+        let file = async move |Path(name): Path<String>| self.file(&name);
+        Router::new()
+            .route(&at(""), text("html", PAGE))
+            .route(&at("view.css"), text("css", STYLE))
+            .route(&at("view.js"), text("javascript", PROGRAM))
+            .route(&at("stream"), get(async move || self.open_stream()))
+            .route(&at("set"), act(|it, body| it.set(body).into()))
+            .route(&at("pick"), act(|it, body| it.pick(body).into()))
+            .route(&at("render"), act(|it, body| json!(it.render(body))))
+            .route(&at("stop"), act(|it, _| json!(it.stop_render())))
+            .route(&at("{file}"), get(file))
+            .layer(DefaultBodyLimit::max(1024))
+    }
+
+    /// Refuses a request that was made for another host.
+    fn admit(&self, request: &Request<Incoming>) -> Result<(), StatusCode> {
         let mut hosts = request.headers().get_all(HOST).iter();
         let (Some(host), None) = (hosts.next(), hosts.next()) else {
             return Err(StatusCode::BAD_REQUEST);
         };
         let host = host.to_str().unwrap_or_default();
-        let host = request.uri().authority().map_or(host, Authority::as_str);
+        let authority = request.uri().authority();
+        let host = authority.map_or(host, Authority::as_str);
         let host = host.to_lowercase().replace("localhost", "127.0.0.1");
-        let path = request.uri().path().strip_prefix('/');
-        let name = path.and_then(|path| path.strip_prefix(&*self.token));
-        let name = name.and_then(|path| path.strip_prefix('/'));
-        let name = name.filter(|_| host == self.host);
-        name.map(str::to_owned).ok_or(StatusCode::NOT_FOUND)
+        (host == self.host).then_some(()).ok_or(StatusCode::NOT_FOUND)
     }
 
-    /// Accepts connections, as long as the program lasts.
+    /// Serves connections, as long as the program lasts.
     async fn serve(&'static self, listener: TcpListener) {
-        let last = watch::Sender::new(0);
+        let (newest, routes) = (watch::Sender::new(0), self.routes());
         loop {
-            match listener.accept().await {
-                Ok((stream, _)) => {
-                    last.send_modify(|last| *last += 1);
-                    tokio::spawn(self.attend(stream, last.subscribe()));
-                }
+            let Ok((stream, _)) = listener.accept().await else {
                 // Too many files are open; some will be closed soon.
-                Err(_) => sleep(Duration::from_millis(50)).await,
-            }
-            // Let connections end before the next one comes.
+                sleep(Duration::from_millis(50)).await;
+                continue;
+            };
+            let (mut last, routes) = (newest.subscribe(), routes.clone());
+            newest.send_modify(|number| *number += 1);
+            let number = *newest.borrow();
+            tokio::spawn(async move {
+                // Answer the request of a connection
+                let is_answered = &AtomicBool::new(false);
+                let answer = service_fn(async |request| {
+                    let reply = match self.admit(&request) {
+                        Ok(()) => routes.clone().call(request).await,
+                        Err(refusal) => Ok(refusal.into_response()),
+                    };
+                    is_answered.store(true, Relaxed);
+                    Ok::<_, Infallible>((HEADERS, reply).into_response())
+                });
+                let mut stream = TimeoutWriter::new(stream);
+                stream.set_timeout(Some(Duration::from_secs(30)));
+                let stream = TokioIo::new(Box::pin(stream));
+                let mut server = http1::Builder::new();
+                server.keep_alive(false).half_close(true);
+                let served = server.serve_connection(stream, answer);
+                tokio::pin!(served);
+                let late = async {
+                    let is_old = |last: &u64| {
+                        last - number > 32 && !is_answered.load(Relaxed)
+                    };
+                    let old = last.wait_for(is_old);
+                    let _ = timeout(Duration::from_secs(5), old).await;
+                };
+                tokio::select! {
+                    _ = &mut served => (),
+                    () = late => if is_answered.load(Relaxed) { _ = served.await },
+                }
+            });
+            // Some connections end before the next one comes.
             yield_now().await;
         }
-    }
-
-    /// Answers the request of a connection, the last one at the moment.
-    async fn attend(
-        &'static self,
-        stream: TcpStream,
-        mut last: Receiver<u64>,
-    ) {
-        let own = *last.borrow();
-        let is_known = &AtomicBool::new(false);
-        let mut stream = Box::pin(TimeoutWriter::new(stream));
-        stream.as_mut().set_timeout_pinned(Some(PATIENCE));
-        let answer = service_fn(|request| self.answer(request, is_known));
-        let mut server = http1::Builder::new();
-        server.keep_alive(false).half_close(true);
-        let served = server.serve_connection(TokioIo::new(stream), answer);
-        let stays_strange = async {
-            let is_old = |last: &u64| {
-                last - own > STRANGERS && !is_known.load(Relaxed)
-            };
-            let _ = timeout(PATIENCE, last.wait_for(is_old)).await;
-            if is_known.load(Relaxed) {
-                pending().await
-            }
-        };
-        tokio::select! { _ = served => (), () = stays_strange => () }
-    }
-
-    /// Answers a request.
-    async fn answer(
-        &'static self,
-        request: Request<Incoming>,
-        is_known: &AtomicBool,
-    ) -> Result<Response<Content>, Infallible> {
-        let name = self.name_of(&request);
-        is_known.store(name.is_ok(), Relaxed);
-        let methods = match name.as_deref() {
-            Ok("set" | "pick" | "render" | "stop") => "POST",
-            Ok("" | "view.css" | "view.js" | "stream") => "GET, HEAD",
-            Ok(name) if FILES.contains(&name) => "GET, HEAD",
-            _ => "",
-        };
-        let has = |name| methods.split(", ").any(|method| method == name);
-        let reply = match name {
-            Ok(_) if methods.is_empty() => Err(StatusCode::NOT_FOUND),
-            Ok(_) if !has(request.method().as_str()) => {
-                Err(StatusCode::METHOD_NOT_ALLOWED)
-            }
-            Ok(name) => self.reply(&name, request).await,
-            Err(refusal) => Err(refusal),
-        };
-        // Make a response of a reply
-        let (status, (kind, content)) = match reply {
-            Ok(reply) => (StatusCode::OK, reply),
-            Err(status) => (status, ("text/plain", full(status.to_string()))),
-        };
-        let response = Response::builder().status(status);
-        let kind = format!("{kind}; charset=utf-8");
-        let mut response = response.header(CONTENT_TYPE, kind);
-        for (name, value) in HEADERS {
-            response = response.header(name, value);
-        }
-        let response = response.header(ALLOW, methods).body(content);
-        Ok(response.expect("fields of ASCII"))
-    }
-
-    /// The content that a request is answered with, or the refusal.
-    async fn reply(
-        &'static self,
-        name: &str,
-        request: Request<Incoming>,
-    ) -> Answer<(&'static str, Content)> {
-        Ok(match name {
-            "" => ("text/html", full(PAGE[0])),
-            "view.css" => ("text/css", full(PAGE[1])),
-            "view.js" => ("text/javascript", full(PAGE[2])),
-            "stream" => {
-                let (page, content) = Channel::new(1);
-                tokio::spawn(self.stream(page));
-                ("application/octet-stream", Either::Right(content))
-            }
-            _ if request.method() == Verb::POST => {
-                // Read what a page posts
-                let body = Limited::new(request.into_body(), BODY).collect();
-                let body = timeout(PATIENCE, body).await;
-                let body = body.map_err(|_| StatusCode::REQUEST_TIMEOUT)?;
-                let body = body.map_err(|_| StatusCode::PAYLOAD_TOO_LARGE)?.to_bytes();
-                let body = serde_json::from_slice(&body);
-                let body: Value = body.map_err(|_| StatusCode::BAD_REQUEST)?;
-                let done = self.act(name, &body).to_string();
-                ("application/json", full(done))
-            }
-            _ => {
-                let file = self.file(name).ok_or(StatusCode::NOT_FOUND)?;
-                ("application/octet-stream", full(file))
-            }
-        })
-    }
-
-    /// Does what a page asks for.
-    fn act(&self, name: &str, body: &Value) -> Value {
-        match name {
-            "set" => return self.set(body).into(),
-            "pick" => return self.pick(body).unwrap_or_default(),
-            "render" => self.render(body),
-            _ => self.stop_render(),
-        }
-        Value::Null
     }
 
     /// Changes settings, of which a null takes one away; returns the number of
@@ -808,21 +736,17 @@ impl Viewer {
     fn set(&self, body: &Value) -> u64 {
         self.want(|Wanted { settings, reads, .. }| {
             *reads |= body["read"] == true;
-            for (name, _) in SETTINGS {
-                match &body["set"][name] {
-                    Value::String(value) => {
-                        _ = settings.insert(name.into(), value.clone());
-                    }
-                    Value::Null if body["set"].get(name).is_some() => {
-                        settings.remove(name);
-                    }
-                    _ => (),
+            let given = body["set"].as_object().into_iter().flatten();
+            for (name, value) in given {
+                if SETTINGS.iter().any(|(short, _)| short == name) {
+                    settings.remove(name);
+                    let value = value.as_str().map(str::to_owned);
+                    settings.extend(value.map(|it| (name.clone(), it)));
                 }
             }
             // A view from a side has its own up, which follows the zenith.
-            let zenith = settings.get("--zenith").cloned();
-            if let (Some(zenith), true) =
-                (zenith, settings.contains_key("--view"))
+            if settings.contains_key("--view")
+                && let Some(zenith) = settings.get("--zenith").cloned()
             {
                 settings.insert("-u".into(), zenith);
             }
@@ -837,8 +761,8 @@ impl Viewer {
         let [x, y] =
             ["x", "y"].map(|name| body[name].as_f64().unwrap_or(0.));
         let hit = world.sensor.start(&world.bvh, x, y).2?;
-        let face = || world.bvh.face(hit.primitive) + 1;
-        let face = (hit.primitive < GROUND).then(face);
+        let is_face = hit.primitive < GROUND;
+        let face = is_face.then(|| world.bvh.face(hit.primitive) + 1);
         let point = world.frame.back(hit.point).to_array();
         Some(json!({ "point": point, "face": face }))
     }
@@ -918,9 +842,13 @@ impl Viewer {
     }
 
     /// A file that was rendered.
-    fn file(&self, name: &str) -> Option<Vec<u8>> {
+    fn file(&self, name: &str) -> Result<Vec<u8>, StatusCode> {
         let render = lock(&self.render);
-        fs::read(render.as_ref()?.folder.path().join(name)).ok()
+        let is_ours = FILES.contains(&name);
+        let render = render.as_ref().filter(|_| is_ours);
+        let path = render.map(|render| render.folder.path().join(name));
+        let file = path.and_then(|path| fs::read(path).ok());
+        file.ok_or(StatusCode::NOT_FOUND)
     }
 }
 
