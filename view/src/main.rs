@@ -18,20 +18,16 @@ use std::time::{Duration, Instant};
 use std::{env, mem, thread};
 
 use axum::body::{Body, Bytes};
-use axum::extract::rejection::JsonRejection;
-use axum::extract::{DefaultBodyLimit, Path};
-use axum::http::StatusCode;
+use axum::extract::{DefaultBodyLimit, Path, rejection::JsonRejection};
 use axum::http::header::{CONTENT_TYPE, HOST};
-use axum::http::uri::Authority;
+use axum::http::{StatusCode, uri::Authority};
 use axum::response::IntoResponse;
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use glam::DVec3;
 use http_body_util::channel::{Channel, Sender};
-use hyper::Request;
-use hyper::body::Incoming;
-use hyper::server::conn::http1;
-use hyper::service::service_fn;
+use hyper::{Request, body::Incoming};
+use hyper::{server::conn::http1, service::service_fn};
 use hyper_util::rt::TokioIo;
 use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{LitView, SceneAnalysis};
@@ -56,11 +52,8 @@ use litpt::sky::Sky;
 use litpt::state::key::Subject;
 use serde_json::{Map, Value, json};
 use tempfile::TempDir;
-use tokio::net::TcpListener;
-use tokio::runtime::Builder;
-use tokio::sync::watch;
-use tokio::task::yield_now;
 use tokio::time::{sleep, timeout};
+use tokio::{net::TcpListener, runtime::Builder, sync::watch};
 use tokio_io_timeout::TimeoutWriter;
 use tower_service::Service;
 
@@ -649,7 +642,7 @@ impl Viewer {
         }
     }
 
-    /// What a page may ask for. Anything else is refused by the library.
+    /// The answers to what a page may ask for.
     fn routes(&'static self) -> Router {
         let at = |name| format!("/{}/{name}", self.token);
         let text = |kind, text: &'static str| {
@@ -694,8 +687,9 @@ impl Viewer {
         let (newest, routes) = (watch::Sender::new(0), self.routes());
         loop {
             let Ok((stream, _)) = listener.accept().await else {
-                // Too many files are open; some will be closed soon.
-                sleep(Duration::from_millis(50)).await;
+                // Too many files are open: no connection stays that waits.
+                newest.send_modify(|number| *number += 33);
+                sleep(Duration::from_millis(10)).await;
                 continue;
             };
             let (mut last, routes) = (newest.subscribe(), routes.clone());
@@ -732,7 +726,7 @@ impl Viewer {
                 }
             });
             // Some connections end before the next one comes.
-            yield_now().await;
+            tokio::task::yield_now().await;
         }
     }
 
