@@ -130,7 +130,7 @@ pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
         (Some(first), None) => {
             streams.misused(format!("unknown command {}", shown(first)))
         }
-        (None, None) => streams.misused("which command?".into()),
+        (None, None) => streams.misused("which command?"),
     }
 }
 

@@ -208,7 +208,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (masters, command) = args.split_at(dashes.unwrap_or(0));
     let ([_, ..], [_, name, rest @ ..]) = (masters, command) else {
         let text = "which webs and which command? MASTER... -- COMMAND...";
-        return streams.misused(text.into());
+        return streams.misused(text);
     };
     let projects: Result<_, _> = masters.iter().map(web_of).collect();
     let projects = match projects {
@@ -230,7 +230,8 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
 }
 
 fn web_of(master: &OsString) -> Result<Project, String> {
-    let chapters = included(Path::new(""), Path::new(master))
-        .map_err(|e| Diagnostic::failure("read", master, &e).text)?;
+    let chapters = included(Path::new(""), Path::new(master));
+    let cannot = |e| format!("cannot read {}: {e}", shown(master));
+    let chapters = chapters.map_err(cannot)?;
     Ok(Project { chapters, ..Project::default() })
 }

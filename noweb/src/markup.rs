@@ -13,7 +13,7 @@ use std::ffi::OsString;
 use crate::Streams;
 use crate::commonmark::Markdown;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, Source, text_of,
+    Diagnostic, Faults, Level, Place, Source, error, text_of,
 };
 use crate::stream::Mark;
 
@@ -513,8 +513,8 @@ pub fn mark_files(
                 faults.extend(more);
                 stream.extend(write_stream(&lexemes));
             }
-            Err(fault) => {
-                faults.push(fault);
+            Err(more) => {
+                faults.extend(more);
                 stream.extend(b"@fatal couldn't open file ");
                 stream.extend(file.as_encoded_bytes());
                 stream.push(b'\n');
@@ -536,9 +536,7 @@ pub fn read_arguments(args: &[OsString]) -> (usize, Vec<OsString>, Faults) {
     for arg in &args[..options] {
         match parse_tab(arg.as_encoded_bytes()) {
             Ok(stops) => tab = stops,
-            Err(text) => {
-                faults.push(Diagnostic::new(Level::Error, None, text));
-            }
+            Err(text) => faults.extend(error(text)),
         }
     }
     let files = args[options..].to_vec();
@@ -549,14 +547,13 @@ pub fn read_arguments(args: &[OsString]) -> (usize, Vec<OsString>, Faults) {
 /// The distance of the tab stops that `-t` or `-tN` asks for.
 pub fn parse_tab(option: &[u8]) -> Result<usize, String> {
     let shown = text_of(option);
-    let Some(number) = option.strip_prefix(b"-t") else {
+    let Some(number) = shown.strip_prefix("-t") else {
         return Err(format!("unknown option {shown}"));
     };
-    let digits = number.iter().take_while(|b| b.is_ascii_digit());
-    let length = digits.count();
-    if number.is_empty() {
-        return Ok(0);
+    let mut digits = number.split(|c: char| !c.is_ascii_digit());
+    match digits.next().map(str::parse) {
+        _ if number.is_empty() => Ok(0),
+        Some(Ok(stops)) => Ok(stops),
+        _ => Err(format!("ill-formed option {shown}")),
     }
-    let digits = std::str::from_utf8(&number[..length]).unwrap_or("");
-    digits.parse().map_err(|_| format!("ill-formed option {shown}"))
 }

@@ -88,7 +88,21 @@ pub fn tangle(
     roots: &[impl AsRef<[u8]>],
     layout: &Layout,
 ) -> Result<Tangled, Faults> {
-    let mut expander = Expander::new(web, layout);
+    let mut expander = Expander {
+        web,
+        layout,
+        // Begin at the first line with nothing on the stack
+        tangled: Tangled::default(),
+        line: 1,
+        line_start: 0,
+        stack: Vec::new(),
+        active: vec![false; web.chunks.len()],
+        said: None,
+        blank: Vec::new(),
+        reader: Reader::default(),
+        faults: Vec::new(),
+        reported: HashSet::new(),
+    };
     for root in roots.iter().map(AsRef::as_ref) {
         let Some(chunk) = web.find(root) else {
             expander.report_missing_root(root);
@@ -128,23 +142,6 @@ struct Expander<'a> {
 }
 
 impl<'a> Expander<'a> {
-    fn new(web: &'a Web, layout: &'a Layout) -> Self {
-        Self {
-            web,
-            layout,
-            tangled: Tangled::default(),
-            line: 1,
-            line_start: 0,
-            stack: Vec::new(),
-            active: vec![false; web.chunks.len()],
-            said: None,
-            blank: Vec::new(),
-            reader: Reader::default(),
-            faults: Vec::new(),
-            reported: HashSet::new(),
-        }
-    }
-
     fn expand(&mut self, root: usize) {
         self.enter(root, 0, None);
         while let Some(frame) = self.stack.last_mut() {

@@ -523,14 +523,11 @@ const KEY: &str =
 
 /// An identifier for print, with what it belongs to in parentheses.
 fn printed(name: &[u8]) -> Vec<u8> {
-    let mut words = name.split(|byte| *byte == b' ');
-    let first = replace(words.next().unwrap_or_default(), QUOTED);
-    let mut out = [b"\\nwixident{", &first[..], b"}"].concat();
-    for word in words {
+    let words = name.split(|byte| *byte == b' ').map(|word| {
         let word = replace(word.trim_ascii(), QUOTED);
-        out.extend([b" \\nwixident{", &word[..], b"}"].concat());
-    }
-    out
+        [b"\\nwixident{", &word[..], b"}"].concat()
+    });
+    words.collect::<Vec<_>>().join(&b' ')
 }
 
 fn tag(label: &[u8]) -> Vec<u8> {

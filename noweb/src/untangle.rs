@@ -22,7 +22,7 @@ use similar::{Algorithm, DiffTag, capture_diff_slices};
 use crate::Streams;
 use crate::cpif::replace;
 use crate::diagnostic::{
-    Diagnostic, Faults, Place, Source, bytes_of, checked, text_of,
+    Diagnostic, Faults, Place, Source, bytes_of, checked, failure, text_of,
 };
 use crate::markup::begins_docs;
 use crate::project::{
@@ -429,8 +429,7 @@ impl Project {
         // Write the chapters and tangle them
         let [before, after] = [&old, &new].map(|e| &e.web.sources);
         if !check && !edited.is_empty() {
-            let written = self.write_chapters(before, after);
-            written.map_err(|fault| vec![fault])?;
+            self.write_chapters(before, after)?;
             self.tangle()?;
         }
         Ok(changes(before, after))
@@ -440,7 +439,7 @@ impl Project {
         &self,
         old: &[Source],
         new: &[Source],
-    ) -> Result<(), Diagnostic> {
+    ) -> Result<(), Faults> {
         let texts = old.iter().zip(new).map(|(a, b)| (&a.text, &b.text));
         let mut changed: Vec<_> = self.chapters.iter().zip(texts).collect();
         changed.retain(|(_, (old, new))| old != new);
@@ -449,12 +448,12 @@ impl Project {
             let state = fs::metadata(self.dir.join(name));
             if state.is_ok_and(|state| state.permissions().readonly()) {
                 let error = io::ErrorKind::PermissionDenied.into();
-                return Err(Diagnostic::failure("write", name, &error));
+                return Err(failure("write", name, error));
             }
         }
         for (name, (_, text)) in changed {
             replace(&self.dir.join(name), text, None)
-                .map_err(|e| Diagnostic::failure("write", name, &e))?;
+                .map_err(|e| failure("write", name, e))?;
         }
         Ok(())
     }
