@@ -148,12 +148,8 @@ impl Diagnostic {
 }
 
 /// What to say of a file that could not be read, written or removed.
-pub fn failure(
-    action: &str,
-    path: impl AsRef<OsStr>,
-    e: io::Error,
-) -> Faults {
-    error(format!("cannot {action} {}: {e}", shown(path)))
+pub fn failure(act: &str, path: impl AsRef<OsStr>, e: io::Error) -> Faults {
+    error(format!("cannot {act} {}: {e}", shown(path)))
 }
 
 /// What is wrong, in order.

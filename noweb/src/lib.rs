@@ -67,9 +67,9 @@ impl Streams<'_> {
     /// Reads some files, and tells of all that cannot be read.
     pub fn sources(
         &mut self,
-        files: &[OsString],
+        all: &[OsString],
     ) -> Result<Vec<Source>, Faults> {
-        let read = files.iter().map(|file| self.read(file));
+        let read = all.iter().map(|file| self.read(file));
         let (good, bad): (Vec<_>, Vec<_>) = read.partition(Result::is_ok);
         let bad = bad.into_iter().filter_map(Result::err).flatten();
         checked(good.into_iter().flatten().collect(), bad.collect())

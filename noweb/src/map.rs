@@ -179,10 +179,8 @@ fn start(name: &OsStr, args: &[OsString]) -> io::Result<Child> {
     let mut child = Command::new(name);
     child.args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
     let open = |name| std::env::var_os(name).is_none_or(|v| v.is_empty());
-    if io::stderr().is_terminal()
-        && open("CARGO_TERM_COLOR")
-        && open("NO_COLOR")
-    {
+    let is_open = ["CARGO_TERM_COLOR", "NO_COLOR"].into_iter().all(open);
+    if is_open && io::stderr().is_terminal() {
         child.env("CARGO_TERM_COLOR", "always");
     }
     child.spawn()

@@ -128,23 +128,21 @@ fn defines(line: &[u8]) -> bool {
 /// its opening; or else the length of what is only text.
 fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
     let mut at = 0;
+    let closes = |pair: &[u8]| pair == b"]]";
     while at < text.len() {
         match &text[at..] {
-            [b'[', b'[', ..] => match find_pair(text, at + 2, b']') {
-                Some(close) => at = close + count(&text[close..], b']'),
-                None => break,
-            },
+            [b'[', b'[', code @ ..] => {
+                match code.windows(2).position(closes) {
+                    Some(end) => at += 2 + end + count(&code[end..], b']'),
+                    None => break,
+                }
+            }
             [b']', b']', ..] if quoting => return Err(at),
             [b'>', b'>', ..] => return Ok(at),
             _ => at += 1,
         }
     }
     Err(text.len())
-}
-
-fn find_pair(text: &[u8], from: usize, byte: u8) -> Option<usize> {
-    let found = text[from..].windows(2).position(|w| w == [byte; 2]);
-    found.map(|i| from + i)
 }
 
 fn count(text: &[u8], byte: u8) -> usize {

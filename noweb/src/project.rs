@@ -178,12 +178,12 @@ impl Project {
             let disk = fs::read(self.dir.join(&path)).unwrap_or_default();
             let changed = disk != tangled.text;
             if is_edited(&disk, &tangled.text, record.get(&path)) {
-                let marks = conflicts(&path, &disk);
-                match marks.is_empty() {
-                    true => faults
-                        .push(refuse(&path, &disk, &tangled, &web, &words)),
-                    false => faults.extend(marks),
+                let mut marks = conflicts(&path, &disk);
+                if marks.is_empty() {
+                    marks
+                        .push(refuse(&path, &disk, &tangled, &web, &words));
                 }
+                faults.extend(marks);
             }
             outputs.push(Output { path, tangled, changed });
         }
@@ -290,11 +290,8 @@ pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
                 // Put the returns back
                 let head = chunk.definitions[0];
                 let source = &web.sources[head.file as usize];
-                if source
-                    .line(head.line)
-                    .unwrap_or_default()
-                    .ends_with(b"\r")
-                {
+                let line = source.line(head.line).unwrap_or_default();
+                if line.ends_with(b"\r") {
                     tangled.text = with_ends(&tangled.text, true);
                 }
                 files.push((path, tangled));

@@ -312,27 +312,25 @@ struct Writer<'w> {
 
 impl<'w> Writer<'w> {
     fn put(&mut self, parts: &[&[u8]]) {
-        self.out.extend(parts.concat());
-        self.out.push(b'\n');
+        stream::put(&mut self.out, parts);
     }
 
     fn write_line(&mut self, number: usize, line: &[u8]) {
         let Some(mark) = Mark::read(line) else {
             return self.put(&[line]);
         };
+        let (text, inner) = (mark.text(), mark.inner());
+        let is_item =
+            inner.keyword == b"defn" && self.index.has(inner.text());
         match mark.keyword {
-            b"begin" => self.code = mark.inner().keyword == b"code",
+            b"begin" => self.code = inner.keyword == b"code",
             b"quote" => self.quote = true,
             b"endquote" => self.quote = false,
             b"file" if number > 0 => self.put(&[b"@index mini"]),
-            b"defn" => self.root = self.files.get(mark.text()).copied(),
-            b"text" if self.code => {
-                return self.write_code(number, mark.text());
-            }
-            b"text" if self.quote => {
-                return self.write_quoted(line, mark.text());
-            }
-            b"index" if self.is_item(mark.inner()) => return,
+            b"defn" => self.root = self.files.get(text).copied(),
+            b"text" if self.code => return self.write_code(number, text),
+            b"text" if self.quote => return self.write_quoted(line, text),
+            b"index" if is_item => return,
             _ => {}
         }
         self.put(&[line]);
@@ -341,11 +339,6 @@ impl<'w> Writer<'w> {
         {
             self.announce(Note::Define(id));
         }
-    }
-
-    /// Whether a name in a `%def` list is one that we have found.
-    fn is_item(&self, mark: Mark) -> bool {
-        mark.keyword == b"defn" && self.index.has(mark.text())
     }
 
     fn write_code(&mut self, number: usize, text: &[u8]) {

@@ -266,8 +266,7 @@ impl<'a> Expander<'a> {
     fn report_undefined(&mut self, name: &[u8], place: Place, alone: bool) {
         let mut fault = self.web.undefined_use(name, place);
         if fault.help.is_empty() && !alone && looks_like_code(name) {
-            let help = "for the operator itself, write @<<";
-            fault = fault.with_help(help);
+            fault.help.push("for the operator itself, write @<<".into());
         }
         self.faults.push(fault);
     }

@@ -493,10 +493,11 @@ fn replace(text: &[u8], table: &str) -> Vec<u8> {
 fn name_text(mut name: &[u8], outside: &str) -> Vec<u8> {
     let mut out = Vec::new();
     while let Some((before, code, after)) = next_quote(name) {
-        out.extend(replace(before, outside));
-        out.extend(b"\\code{}");
-        out.extend(replace(code, QUOTED));
-        out.extend(b"\\edoc{}");
+        let (before, code) =
+            (replace(before, outside), replace(code, QUOTED));
+        out.extend(
+            [&before, &b"\\code{}"[..], &code, b"\\edoc{}"].concat(),
+        );
         name = after;
     }
     out.extend(replace(name, outside));

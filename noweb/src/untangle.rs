@@ -402,11 +402,9 @@ fn prove(
 fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
     let mut changes = Vec::new();
     for (old, new) in old.iter().zip(new) {
-        let (a, b) = (lines_of(&old.text), lines_of(&new.text));
         let name = text_of(&old.name);
-        for (a, b) in hunks(&a, &b) {
-            let line = b.start + 1;
-            let (gone, come) = (a.len(), b.len());
+        for (a, b) in hunks(&lines_of(&old.text), &lines_of(&new.text)) {
+            let (line, gone, come) = (b.start + 1, a.len(), b.len());
             changes.push(format!("{name}:{line}: -{gone} +{come} lines"));
         }
     }
