@@ -221,10 +221,8 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
             return 127;
         }
     };
-    match follow(child, &mut Filter::new(projects), streams) {
-        Ok(status) => status,
-        Err(error) => streams.conclude(Err(error), &[]),
-    }
+    let status = follow(child, &mut Filter::new(projects), streams);
+    status.unwrap_or_else(|error| streams.conclude(Err(error), &[]))
 }
 
 fn web_of(master: &OsString) -> Result<Project, String> {

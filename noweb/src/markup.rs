@@ -15,7 +15,7 @@ use crate::commonmark::Markdown;
 use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Source, error, text_of,
 };
-use crate::stream::Mark;
+use crate::stream::{Mark, put};
 
 /// What a chunk holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -128,15 +128,13 @@ fn defines(line: &[u8]) -> bool {
 /// its opening; or else the length of what is only text.
 fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
     let mut at = 0;
-    let closes = |pair: &[u8]| pair == b"]]";
+    let close = |code: &[u8]| code.windows(2).position(|w| w == b"]]");
     while at < text.len() {
         match &text[at..] {
-            [b'[', b'[', code @ ..] => {
-                match code.windows(2).position(closes) {
-                    Some(end) => at += 2 + end + count(&code[end..], b']'),
-                    None => break,
-                }
-            }
+            [b'[', b'[', code @ ..] => match close(code) {
+                Some(end) => at += 2 + end + count(&code[end..], b']'),
+                None => break,
+            },
             [b']', b']', ..] if quoting => return Err(at),
             [b'>', b'>', ..] => return Ok(at),
             _ => at += 1,
@@ -513,9 +511,8 @@ pub fn mark_files(
             }
             Err(more) => {
                 faults.extend(more);
-                stream.extend(b"@fatal couldn't open file ");
-                stream.extend(file.as_encoded_bytes());
-                stream.push(b'\n');
+                let name = file.as_encoded_bytes();
+                put(&mut stream, &[b"@fatal couldn't open file ", name]);
             }
         }
     }

@@ -26,14 +26,6 @@ struct Stage {
     command: OsString,
     args: Vec<OsString>,
 }
-
-impl Stage {
-    fn line(&self) -> OsString {
-        let mut line = self.command.clone();
-        self.args.iter().for_each(|arg| line.push(quoted(arg)));
-        line
-    }
-}
 #[derive(Default)]
 struct Request {
     tabs: Vec<OsString>,
@@ -61,10 +53,9 @@ impl Request {
         let mut request = Self::default();
         let mut args = args.iter().cloned();
         while let Some(arg) = args.next() {
-            if arg == "-" || !arg.as_encoded_bytes().starts_with(b"-") {
-                request.files.push(arg);
-            } else {
-                request.take(arg, &mut args)?;
+            match arg.as_encoded_bytes() {
+                [b'-', _, ..] => request.take(arg, &mut args)?,
+                _ => request.files.push(arg),
             }
         }
         // Refuse options that contradict each other
@@ -177,9 +168,7 @@ impl Request {
         }
         Ok(stream)
     }
-}
 
-impl Request {
     fn reads_input(&self) -> bool {
         self.files.is_empty() || self.files.iter().any(|f| f == "-")
     }
@@ -217,6 +206,12 @@ impl Stage {
         // Run a foreign stage in the shell
         let result = run_shell(&self.line(), input, streams);
         result.map_err(|failure| streams.fail(&failure.faults))
+    }
+
+    fn line(&self) -> OsString {
+        let mut line = self.command.clone();
+        self.args.iter().for_each(|arg| line.push(quoted(arg)));
+        line
     }
 
     fn own(&self) -> Option<(Run, Vec<OsString>)> {
@@ -290,11 +285,9 @@ impl Request {
 }
 /// `noweave [OPTION]... [FILE]...`: weaves a document.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    match Request::read(args) {
-        Ok(request) => match request.document(streams) {
-            Ok(text) => Outcome::done(text).deliver(streams),
-            Err(status) => status,
-        },
-        Err(what) => tell(streams, &what),
+    let request = Request::read(args).map_err(|what| tell(streams, &what));
+    match request.and_then(|request| request.document(streams)) {
+        Ok(text) => Outcome::done(text).deliver(streams),
+        Err(status) => status,
     }
 }

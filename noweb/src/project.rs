@@ -172,7 +172,7 @@ impl Project {
         let record = self.read_record(&self.record);
         let removed = self.removals(&files, &record)?;
         let (mut outputs, mut faults) = (Vec::new(), Vec::new());
-        let words = LazyCell::new(|| self.words());
+        let args = LazyCell::new(|| self.words());
         for (path, tangled) in files {
             // Compare a file with its text
             let disk = fs::read(self.dir.join(&path)).unwrap_or_default();
@@ -180,8 +180,7 @@ impl Project {
             if is_edited(&disk, &tangled.text, record.get(&path)) {
                 let mut marks = conflicts(&path, &disk);
                 if marks.is_empty() {
-                    marks
-                        .push(refuse(&path, &disk, &tangled, &web, &words));
+                    marks.push(refuse(&path, &disk, &tangled, &web, &args));
                 }
                 faults.extend(marks);
             }
@@ -269,7 +268,16 @@ impl Project {
 /// The files that some sources define, without looking at the disk.
 pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
     let (mut web, mut faults) = Web::read(sources, 0);
-    web.drop_returns();
+    for chunk in &mut web.chunks {
+        // Drop the returns at the ends of lines
+        let mut ends = true;
+        for (piece, _) in chunk.pieces.iter_mut().rev() {
+            if ends && let Piece::Text(text) = piece {
+                text.pop_if(|last| *last == b'\r');
+            }
+            ends = *piece == Piece::Newline;
+        }
+    }
     let mut files = Vec::new();
     for chunk in &web.chunks {
         // Expand the file of this chunk
@@ -300,21 +308,6 @@ pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
         }
     }
     checked(Expansion { web, files }, faults)
-}
-
-impl Web {
-    fn drop_returns(&mut self) {
-        for chunk in &mut self.chunks {
-            let mut ends = true;
-            for (piece, _) in chunk.pieces.iter_mut().rev() {
-                // Drop a return if the line ends
-                if ends && let Piece::Text(text) = piece {
-                    text.pop_if(|last| *last == b'\r');
-                }
-                ends = *piece == Piece::Newline;
-            }
-        }
-    }
 }
 
 /// The lines by which git marks a conflict.
@@ -353,9 +346,8 @@ fn orphan(path: &Path) -> Diagnostic {
 /// what was tangled last.
 pub fn is_edited(disk: &[u8], text: &[u8], last: Option<&u64>) -> bool {
     let bare = |text: &[u8]| {
-        let mut text = with_ends(text, false);
-        text.pop_if(|last| *last == b'\n');
-        text
+        let text = text.strip_suffix(b"\n").unwrap_or(text);
+        with_ends(text, false)
     };
     let known = disk.is_empty() || bare(disk) == bare(text);
     !known && last != Some(&hash(disk))
@@ -459,22 +451,19 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Err(text) => return streams.misused(text),
     };
     let plan = if check { project.plan() } else { project.tangle() };
-    let (faults, failed) = match plan {
+    let faults = match plan {
         Ok(plan) if check => report_stale(plan),
-        Ok(plan) => (plan.warnings, false),
-        Err(faults) => (faults, true),
+        Ok(plan) => plan.warnings,
+        Err(faults) => return streams.fail(&faults),
     };
-    streams.conclude(Ok(()), &faults);
-    u8::from(failed)
+    u8::from(streams.conclude(Ok(()), &faults) > Level::Warning as u8)
 }
 
-fn report_stale(plan: Plan) -> (Faults, bool) {
+fn report_stale(plan: Plan) -> Faults {
     let changed = plan.outputs.iter().filter(|output| output.changed);
     let stale = changed.map(|output| &output.path).chain(&plan.removed);
     let fault = |path| error(format!("{} is out of date", shown(path)));
-    let stale: Faults = stale.flat_map(fault).collect();
-    let failed = !stale.is_empty();
-    ([plan.warnings, stale].concat(), failed)
+    [plan.warnings, stale.flat_map(fault).collect()].concat()
 }
 
 /// The project that the arguments name, and whether only to check.

@@ -162,9 +162,8 @@ impl<'a> Names<'a> {
 
     fn read_crate(&mut self, number: usize, library: Option<String>) {
         let path = &self.files[number].path;
-        let found =
-            library.clone().map(|n| (n, Meaning::Item(Kind::Module)));
-        self.meanings.extend(found);
+        let module = Meaning::Item(Kind::Module);
+        self.meanings.extend(library.clone().map(|name| (name, module)));
         let stem = path.trim_end_matches(".rs").to_string();
         let (dir, _) = path.rsplit_once('/').unwrap_or_default();
         self.read_file(number, library.unwrap_or(stem), dir);

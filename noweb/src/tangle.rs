@@ -506,8 +506,6 @@ fn spoken_name(name: &[u8]) -> Vec<u8> {
 struct Request {
     roots: Vec<Vec<u8>>,
     layout: Layout,
-    /// The tabs of the sources are copied, not expanded.
-    keeps_tabs: bool,
     /// Shell commands that the stream goes through in turn.
     filters: Vec<OsString>,
     files: Vec<OsString>,
@@ -527,10 +525,7 @@ impl Request {
                 b"-pascal" | b"-c" | b"-c++" | b"-tex" | b"-f77" => (),
                 b"-f90" => (),
                 [b'-', b'w', b'0'..=b'9', b'0'..=b'9', ..] => (),
-                option if option.starts_with(b"-") && option != b"-" => {
-                    request.keeps_tabs |= b"tL".contains(&option[1]);
-                    request.option(option);
-                }
+                option @ [b'-', _, ..] => request.option(option),
                 _ => request.files.push(arg.clone()),
             }
         }
@@ -576,7 +571,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     if request.files.is_empty() {
         request.files.push("-".into());
     }
-    let tab = if request.keeps_tabs { 0 } else { 8 };
+    let tab = if request.layout.tab.is_some() { 0 } else { 8 };
     let web = read_web(&request.files, &request.filters, tab, streams);
     write_roots(web, request, streams)
 }

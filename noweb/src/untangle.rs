@@ -167,10 +167,8 @@ impl<'a> Carrier<'a> {
     /// The first line of a block of lines that a chapter has together.
     fn block(&self, lines: Range<usize>) -> Option<Spot> {
         let first = self.whole(lines.start)?;
-        let mut lines = lines.enumerate();
-        lines
-            .all(|(n, line)| self.whole(line) == Some(first.below(n)))
-            .then_some(first)
+        let next = |(n, line)| self.whole(line) == Some(first.below(n));
+        lines.enumerate().all(next).then_some(first)
     }
 
     /// Puts new lines in the place of some lines of a chapter.
@@ -239,8 +237,7 @@ impl<'a> Carrier<'a> {
     fn homes(&self, line: usize) -> Vec<Spot> {
         let above = line.checked_sub(1).and_then(|l| self.tail(l));
         let above = above.map(|spot| spot.below(1));
-        let inside = line < self.old.len();
-        let below = inside.then(|| self.head(line)).flatten();
+        let below = self.head(line);
         let mut homes: Vec<Spot> = above.into_iter().chain(below).collect();
         homes.dedup();
         homes
@@ -464,13 +461,13 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Ok(parsed) => parsed,
         Err(text) => return streams.misused(text),
     };
-    let (changes, faults) = match project.untangle(check) {
-        Ok(changes) => (changes, Vec::new()),
-        Err(faults) => (Vec::new(), faults),
+    let changes = match project.untangle(check) {
+        Ok(changes) => changes,
+        Err(faults) => return streams.fail(&faults),
     };
     let lines = changes.iter().map(|line| format!("{line}\n"));
-    let text: String = lines.collect();
-    let result = streams.output.write_all(&bytes_of(&text));
-    let failed = !faults.is_empty() || check && !changes.is_empty();
-    streams.conclude(result, &faults).max(u8::from(failed)).min(1)
+    let text = bytes_of(&lines.collect::<String>());
+    let result = streams.output.write_all(&text);
+    let failed = check && !changes.is_empty();
+    streams.conclude(result, &[]).max(u8::from(failed))
 }

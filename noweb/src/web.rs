@@ -115,10 +115,8 @@ impl Web {
     pub fn read_stream(stream: &[u8]) -> (Self, Faults) {
         let mut reader = StreamReader::default();
         let read = lines(stream).try_for_each(|l| reader.read_line(l));
-        let whole = reader.stage == Expected::Outside;
-        let end = whole
-            .then_some(())
-            .ok_or("the stream ends inside a code chunk");
+        let whole = (reader.stage == Expected::Outside).then_some(());
+        let end = whole.ok_or("the stream ends inside a code chunk");
         if let Err(text) = read.and(end) {
             reader.complain(Level::Impossible, text.into());
         }
