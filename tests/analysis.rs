@@ -4,15 +4,9 @@
 //! What is left out changes no bit of an image; and a shortcut that does not
 //! hold is found out.
 
-use crate::common;
+use crate::prelude::*;
 
-use common::{BOX, Scratch, obj};
-use glam::DVec3;
-use litpt::analysis::background::{KnownPixels, TileContent};
-use litpt::analysis::{SHORTCUTS, SceneAnalysis};
-use litpt::camera::View;
-use litpt::render::choose::{Method, Pixels, Sampling};
-use litpt_book::closed_forms::cavity;
+use litpt::analysis::SHORTCUTS;
 use litpt_book::settings::{Setting, all, named};
 
 const SMALL: (u32, u32) = (48, 36);

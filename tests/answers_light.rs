@@ -4,26 +4,19 @@
 //! Answers to the book's exercises on paths, errors, images and runs, with
 //! each number that their text states.
 
-use crate::common;
+use crate::prelude::*;
+
 use crate::render_loop::go_on;
 
-use glam::DVec3;
-use litpt::analysis::background::{KnownPixels, TileContent};
+use litpt::compare::compare;
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{
     Grid, RadianceCache, Record, SKY, WHOLE,
 };
 use litpt::integrator::gather::training::train;
 use litpt::integrator::gather::{Allocation, Correction, Tracer};
-use litpt::{bvh::*, film::*, image::*, render::*};
-use litpt::{camera::*, render_loop::*};
-use litpt::{compare::compare, integrator::*};
-use litpt::{sampler::*, scene::*, sky::*, statistics::*};
-use litpt_book::closed_forms::*;
+use litpt::render::*;
 use litpt_book::settings;
-use litpt_book::solids;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 
 /// A number is within some distance of what is printed.
 #[track_caller]
@@ -303,7 +296,7 @@ fn a_level_stands_for_an_interval_of_radiances() {
     let mut bytes = vec![];
     let image = image(8, ends, None, None);
     Format::Pgm.write(&image, &mut bytes).unwrap();
-    let (_, _, levels) = common::pgm(&bytes);
+    let (_, _, levels) = pgm(&bytes);
     assert_eq!(levels, [99, 100, 100, 101, 199, 200, 200, 201]);
 }
 

@@ -4,18 +4,12 @@
 //! Answers to the book's exercises on scenes, geometry and sampling, one
 //! test for each.
 
+use crate::prelude::*;
+
 use crate::polygons;
 
-use glam::DVec3;
-use litpt::bvh::{Bvh, Intersector, Isa, Quality};
-use litpt::camera::{Camera, View};
-use litpt::numerics::{cross, power_of_two};
 use litpt::sampler::sobol::ScrambledNet;
-use litpt::sampler::{cosine_direction, generator};
-use litpt::scene::{Mesh, Ray, Scene, Triangle, read_file};
-use litpt::sky::Sky;
-use litpt_book::solids::{self, cube};
-use rand::RngExt;
+use litpt_book::solids::cube;
 
 /// Demands that a mean of `n` samples of this variance is near
 /// what is expected.

@@ -3,8 +3,7 @@
 
 //! What `pt` does with an OBJ that is odd, and with one that is wrong.
 
-use crate::common::{ROOM, SQUARE, Scratch, outcome};
-use litpt::scene::{Scene, read_file};
+use crate::prelude::*;
 
 /// A triangle that fills a part of the image.
 const TRIANGLE: &str = "v -9 -9 0\nv 9 -8 0\nv -1 7 0\n";

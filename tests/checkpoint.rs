@@ -4,21 +4,13 @@
 //! A run that is killed goes on as if nothing had happened, and what is no
 //! checkpoint of it is refused and left alone (chapter "The checkpoint").
 
-use crate::common;
+use crate::prelude::*;
 
-use std::io::Cursor;
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use common::{ROOM, Run, Scratch, finish, outcome, spawn, wait_until};
-use litpt::film::Film;
-use litpt::image::Image;
-use litpt::render_loop::Convergence;
-use litpt::report::Report;
-use litpt::state::checkpoint::{Checkpoint, Known, save};
+use litpt::state::checkpoint::Known;
 use litpt::state::key::RunKey;
 use litpt::state::learnt::{read, write};
-use serde_json::{Value, json};
 
 // --------------------------------------------------------------- The library
 

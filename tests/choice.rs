@@ -3,17 +3,7 @@
 
 //! The pilot and the choice (chapter "Choosing a method").
 
-use crate::common;
-
-use common::Scratch;
-use glam::DVec3;
-use litpt::analysis::SceneAnalysis;
-use litpt::film::{Film, Measure, Window};
-use litpt::render::Renderer;
-use litpt::render::choose::{Choice, Method, Request, Setup};
-use litpt::scene::Mesh;
-use litpt_book::closed_forms::{Setting, cavity, look};
-use serde_json::Value;
+use crate::prelude::*;
 
 const SIZE: (u32, u32) = (48, 32);
 

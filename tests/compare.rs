@@ -4,6 +4,8 @@
 //! Comparing images: what is called chance, and what is
 //! not (chapter "Comparing images").
 
+use crate::prelude::*;
+
 use std::f64::consts::FRAC_PI_2;
 
 use litpt::compare::display::{
@@ -12,10 +14,6 @@ use litpt::compare::display::{
 use litpt::compare::{
     Difference, Dispersion, FALSE_ALARMS, FEW, compare, disagreements,
 };
-use litpt::image::{Image, OPACITY};
-use litpt::statistics::Accumulator;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 
 type Random = Pcg64Mcg;
 

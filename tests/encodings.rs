@@ -4,13 +4,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::common;
+use crate::prelude::*;
 
-use std::io::Write;
-
-use common::{ABOVE, Scratch, pgm};
 use flate2::{Compression, GzBuilder, write::GzEncoder};
-use litpt::scene::{Mesh, read_file, read_obj};
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
 const TEXT: &str = "# a comment é\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\

@@ -4,24 +4,13 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::prelude::*;
+
 use crate::render_loop::with_threads;
 
 use std::collections::HashSet;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use glam::DVec3;
-use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
-use litpt::camera::View;
-use litpt::film::{Film, FilmTile, SIDE, Summary, Tile, Window};
-use litpt::integrator::{Integrator, PathEvent, PathTracer};
-use litpt::materials::Surfaces;
-use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::SobolSampler;
-use litpt::sampler::{Sampler, dimension};
-use litpt::scene::{Ray, Scene};
-use litpt::sky::Sky;
-use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::{Setting, cavity, look};
 
 #[test]
 fn each_pixel_belongs_to_one_tile_and_is_found_there() {

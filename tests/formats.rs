@@ -5,11 +5,10 @@
 //! refused, and nothing that is damaged ends the program (chapter
 //! "Images and their formats").
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::io::{Cursor, Error, Write};
+use crate::prelude::*;
 
-use crate::common::pgm;
+use std::io::Error;
+
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, IntegerBounds};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
@@ -17,13 +16,9 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage,
     Layer, SmallVec, WritableImage, f16,
 };
-use litpt::film::{self, Film, FilmTile, WORTH};
-use litpt::image::{Format, Image, Picture};
-use litpt::output::{OutputTarget, format_of};
+use litpt::film;
 use png::BitDepth::{self, Eight, One, Sixteen};
 use png::ColorType::{self, Grayscale, GrayscaleAlpha, Indexed, Rgb, Rgba};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 
 /// An image of all that the formats can carry, with numbers that a
 /// 32-bit number holds.

@@ -3,10 +3,8 @@
 
 //! The identity of a sample changes whenever a sample does.
 
-use crate::common;
+use crate::prelude::*;
 
-use common::{BOX, Scratch};
-use litpt::render::choose::{Method, Pixels, Sampling};
 use sha2::{Digest, Sha256};
 
 /// The identities, and the hash of the images below that belongs to each.

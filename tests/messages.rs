@@ -3,14 +3,9 @@
 
 //! What the user of `pt` reads on standard error.
 
-use crate::common;
+use crate::prelude::*;
 
-use std::time::Duration;
-
-use litpt::bvh::Isa;
 use litpt::progress;
-
-use common::{ABOVE, BOX, Run, Running, Scratch, finish, skip};
 
 /// Runs a line of the shell, in which `$PT` is `pt`, on a terminal; its output
 /// and its messages come as one text. None where there is no program `script`
@@ -275,7 +270,7 @@ fn numbers_are_taken_as_people_write_them() {
     let plain = image(&["-t1,2,3", "-r0.7", "--ground=0.2"]);
     assert_eq!(image(&["-t", "1, 2, 3", "-r70%", "--ground=20%"]), plain);
     place.put("m.mtl", "newmtl a\nKd 0.2 0.4 0.6\n");
-    let scene = format!("mtllib m.mtl\nusemtl a\n{}", common::ROOM);
+    let scene = format!("mtllib m.mtl\nusemtl a\n{}", ROOM);
     place.put("m.obj", scene);
     let band = image(&["-im.obj", "--band=r"]);
     assert_eq!(image(&["-im.obj", "--materials", "--band=r"]), band);
@@ -326,7 +321,7 @@ fn an_axis_that_looks_up_is_told_where_nothing_else_says_it() {
         (floor, 1, "--zenith z", None),
         (floor, 1, "-u y", None),
         (walls, 1, "", None),
-        (common::BOX, 1, "", None),
+        (BOX, 1, "", None),
     ] {
         place.put("a.obj", turned(text, by));
         let run =

@@ -4,21 +4,12 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::common;
+use crate::prelude::*;
+
 #[path = "../book/src/programs/fuzz/mixtures.rs"]
 mod scales;
 
-use common::{Scratch, obj};
-use glam::DVec3;
-use litpt::bvh::{Bvh, Intersector, Isa, Quality};
-use litpt::camera::View;
-use litpt::film::{Film, Summary};
-use litpt::render::Renderer;
-use litpt::scene::{Mesh, Ray, Triangle};
-use litpt_book::closed_forms::{Setting, look};
-use litpt_book::escapes::{Inside, Outside};
-use litpt_book::solids;
-use rayon::prelude::*;
+use litpt_book::escapes::Outside;
 
 #[test]
 fn no_path_goes_through_a_closed_surface_over_a_large_plane() {

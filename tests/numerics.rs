@@ -3,14 +3,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::f64::consts::TAU;
-
-use glam::DVec3;
-use litpt::numerics::{
-    cross, exponent, normalise, power_of_two, shift, sincos_turns,
-};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
+use crate::prelude::*;
 
 #[test]
 fn circle_agrees_with_the_standard_library() {

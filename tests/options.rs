@@ -3,21 +3,12 @@
 
 //! The options of `pt`: defaults, forms, wrong values, help, reproducibility.
 
-use crate::common;
+use crate::prelude::*;
 
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
-use std::path::Path;
 
-use glam::DVec3;
-use litpt::bvh::Isa;
-use litpt::camera::{Camera, View, Viewpoint};
-use litpt::image::Image;
 use litpt::options::{Error, Options};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
-
-use common::{ABOVE, ROOM, Scratch, pgm};
 
 // ------------------------------------------------------- Words and options
 

@@ -4,21 +4,12 @@
 //! Where `pt` puts the image, what its bytes are, and that no accident
 //! loses a file.
 
-use crate::common;
+use crate::prelude::*;
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufRead, BufReader, Cursor, Read, Write};
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Read};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
-use std::path::Path;
-use std::thread;
-use std::time::{Duration, SystemTime};
-
-use common::{
-    ROOM, Run, Running, Scratch, finish, keep_reading, outcome, pgm, skip,
-    spawn,
-};
-use litpt::image::{Format, Image};
 
 const SMALL: &str = "-iroom.obj -d9x7 -n2";
 

@@ -3,16 +3,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::collections::BTreeMap;
-use std::f64::consts::TAU;
-use std::time::Instant;
-
-use glam::DVec3;
-use litpt::bvh::{Bvh, Intersector};
-use litpt::numerics::cross;
-use litpt::scene::{Mesh, Ray, Scene, read_file, read_obj};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
+use crate::prelude::*;
 
 /// The OBJ of one face with these corners.
 pub fn face(corners: &[DVec3]) -> String {

@@ -4,18 +4,10 @@
 //! The command `ptimg`: what it answers, and how it ends (chapter "The
 //! companion ptimg").
 
-use crate::common;
+use crate::prelude::*;
 
-use std::io::Cursor;
-
-use common::{Scratch, feed, pgm};
 use exr::math::Vec2;
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
-use litpt::image::{Format, Image, OPACITY, luminance};
-use litpt::output::{OutputTarget, format_of};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
-use serde_json::{Value, json};
 
 /// What is said on standard output by a run that ends with `status` and
 /// without a warning.
@@ -222,7 +214,7 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
 #[test]
 fn images_of_different_things_are_named_as_such() {
     let place = Scratch::new();
-    place.put("room2.obj", common::ROOM.replace("v 5 5", "v 4 4"));
+    place.put("room2.obj", ROOM.replace("v 5 5", "v 4 4"));
     let render = |options: &str| place.line(&format!("-n16 -qf {options}"));
     render("-iroom.obj -d40x30 -r0.7 -s1 -oone.exr").succeeded();
     let two = "-iroom2.obj -d48x36 --crop=4,3,40x30 -p0,0,0.5 -t0,1,0.1 \

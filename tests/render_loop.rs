@@ -4,20 +4,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::sync::LazyLock;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::time::{Duration, Instant};
+use crate::prelude::*;
 
-use glam::DVec3;
-use litpt::bvh::{Hit, Intersector};
-use litpt::film::{Film, FilmTile, Summary, WORTH, Watch};
-use litpt::integrator::{Integrator, PathEvent};
-use litpt::render::{Job, Renderer};
-use litpt::render_loop::{Convergence, Limits, Stop};
-use litpt::sampler::Sampler;
-use litpt::scene::Ray;
-use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::{Setting, cavity, look};
+use std::sync::LazyLock;
 
 /// An intersector that finds nothing, for estimators that need nothing.
 struct Nothing;

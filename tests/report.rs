@@ -4,16 +4,12 @@
 //! Reports: what each kind holds, at every moment of a run, and that nobody
 //! can smuggle anything into them.
 
+use crate::prelude::*;
+
 use crate::outputs::png;
 
-use std::path::Path;
-
 use base64::prelude::{BASE64_STANDARD, Engine};
-use litpt::image::Image;
-use litpt::render_loop::{Convergence, CurvePoint, Stop};
-use litpt::report::{Kind, Report, SceneFile, slope};
 use roxmltree::{Document, Node};
-use serde_json::{Value, json};
 
 /// A point of the curve of a run whose error falls as theory wants.
 fn point(spp: u64) -> CurvePoint {

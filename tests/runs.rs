@@ -4,20 +4,9 @@
 //! The limits of a run, its reports, its reference and its formats, and
 //! what signals and full disks do to it.
 
-use crate::common;
+use crate::prelude::*;
 
-use std::time::{Duration, Instant};
-use std::{env, fs, thread};
-
-use common::{
-    BOX, Run, Running, Scratch, finish, is_running, outcome, signal, skip,
-    spawn, wait_until,
-};
-use litpt::film::Film;
-use litpt::image::Image;
-use litpt::render_loop::Convergence;
-use litpt::report::Report;
-use serde_json::{Value, json};
+use std::env;
 
 const SCENE: &str = "-iroom.obj -d23x17 -r0.7 --integrator=reference";
 
@@ -321,7 +310,7 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
 fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
     let place = Scratch::new();
     let command = place.pt(&format!("{FILES} --checkpoint=c"));
-    let mut child = common::keep_reading(command);
+    let mut child = keep_reading(command);
     signal("TERM", &child);
     let start = Instant::now();
     // The pipe stays open: nothing but the signal ends the program.
@@ -426,7 +415,7 @@ fn no_file_may_serve_two_purposes() {
         pt(&place, &format!("-f -oa.pgm {output}"))
             .failed(1, &["named twice"]);
     }
-    assert_eq!(place.text("room.obj"), common::ROOM);
+    assert_eq!(place.text("room.obj"), ROOM);
     place.holds_only(&["link.pgm"]);
 }
 

@@ -3,15 +3,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::prelude::*;
+
 use crate::render_loop::with_threads;
-
-use std::collections::BTreeSet;
-
-use glam::DVec3;
-use litpt::camera::{Camera, View};
-use litpt::scene::{
-    Mesh, Scene, read_file, read_obj, read_pieces, scattered,
-};
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 

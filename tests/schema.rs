@@ -3,16 +3,9 @@
 
 //! Reports of `pt` in JSON, held against their schema and it against them.
 
-use crate::common;
+use crate::prelude::*;
 
-use std::time::{Duration, SystemTime};
-
-use common::Scratch;
-use litpt::image::Image;
 use litpt::render::Share;
-use litpt::render_loop::{CurvePoint, Stop};
-use litpt::report::{Kind, Report};
-use serde_json::{Value, json};
 
 /// The type of a value, as JSON Schema has it.
 fn kind(value: &Value) -> &str {
@@ -137,7 +130,7 @@ fn reports() -> Vec<Value> {
     ];
     place.put("m.mtl", "newmtl a\nKd 0.5 0.5 0.5\n");
     place.put("p.txt", "0 0 0 0 0 1\n");
-    let named = format!("mtllib m.mtl\nusemtl a\n{}", common::ROOM);
+    let named = format!("mtllib m.mtl\nusemtl a\n{}", ROOM);
     place.put("named.obj", named);
     let run = place.free(
         "named.obj --points p.txt --materials --albedo a=0.4 --ground 0.2 \
@@ -194,6 +187,6 @@ fn the_command_of_a_report_can_be_typed_again() {
     std::fs::remove_file(place.path("a.pgm")).unwrap();
     let mut shell = place.command("sh");
     let command = report["command"].as_str().unwrap();
-    common::outcome(shell.args(["-c", command])).succeeded();
+    outcome(shell.args(["-c", command])).succeeded();
     assert_eq!(place.get("a.pgm"), image);
 }

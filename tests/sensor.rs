@@ -4,23 +4,11 @@
 //! Values at points, vertices and on faces, under both skies and above a
 //! ground, with materials; and their tables.
 
-use crate::chance::Chance;
-use crate::common::{BOX, Scratch, obj};
+use crate::prelude::*;
 
-use std::f64::consts::PI;
 use std::fmt::Write;
 
-use glam::DVec3;
-use litpt::bvh::{Bvh, GROUND, Intersector, NONE};
-use litpt::film::{Film, WORTH, Window};
-use litpt::materials::{FaceAlbedos, Named};
-use litpt::sampler::generator;
-use litpt::scene::{MarkKind, Mesh, Ray, Scene, read_obj};
 use litpt::sensor::read_points;
-use litpt::sky::{Cover, Sky};
-use litpt_book::closed_forms::{cavity, polygon_share};
-use rand::RngExt;
-use serde_json::Value;
 
 #[allow(dead_code)]
 #[path = "../examples/occlusion.rs"]
@@ -461,7 +449,8 @@ fn the_samples_of_a_gather_are_those_that_it_has_allocated() {
     assert!((mean - 64.).abs() < 0.5, "{mean}");
     let [least, most] = [f64::min, f64::max]
         .map(|f| counts.iter().copied().reduce(f).unwrap());
-    assert!(16. <= least && least < 64. && 64. < most, "{least} {most}");
+    let is_low = (16. ..64.).contains(&least);
+    assert!(is_low && 64. < most, "{least} {most}");
     // A part and what is merged have the same.
     place.done(&format!("{gather} -n64 --tiles 2/3 -o b.exr"));
     let part = place.image("b.exr");

@@ -4,18 +4,10 @@
 //! Parts of a run add up to the bytes of one run, and what is no part of it
 //! is refused (chapter "Shards").
 
-use crate::common;
+use crate::prelude::*;
 
-use std::fs;
-use std::sync::Arc;
-
-use common::{Run, Scratch, finish, signal, spawn, wait_until};
-use litpt::film::{SIDE, Window};
-use litpt::image::Image;
-use litpt::state::checkpoint::{Checkpoint, save};
 use litpt::state::key::Part;
 use litpt::state::shards;
-use serde_json::Value;
 
 /// A view of four rows of tiles, the last of them cut off.
 const VIEW: &str = "-q -f -iroom.obj -d40x50 -r0.7";
@@ -256,7 +248,7 @@ fn a_part_may_be_empty() {
 #[test]
 fn states_that_are_not_parts_of_one_run_are_refused() {
     let place = Scratch::new();
-    place.put("other.obj", format!("{}\n", common::ROOM));
+    place.put("other.obj", format!("{}\n", ROOM));
     let run = "-n8 --integrator=reference";
     part(&place, "a.litpt", &format!("{run} --samples=0..4"));
     for (option, what) in [

@@ -3,18 +3,11 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::chance;
+use crate::prelude::*;
+
 use crate::sampler::assert_unrelated;
 
-use chance::Chance;
-use glam::DVec3;
-use litpt::film::Film;
-use litpt::integrator::PathTracer;
-use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler, scramble_key};
-use litpt::sampler::{IndependentSampler, Sampler, dimension, to_unit};
-use litpt::scene::Mesh;
-use litpt_book::closed_forms::{Setting, look};
 
 /// All four coordinates of a point.
 fn point(net: &ScrambledNet, key: u64, i: u32) -> [u32; 4] {

@@ -3,14 +3,10 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::prelude::*;
+
 use crate::bvh::apart;
-use glam::DVec3;
-use litpt::bvh::{BEAM, Bvh, Hit, Intersector, Isa, Quality};
-use litpt::scene::{Mesh, Ray, Scene};
-use litpt_book::closed_forms::cavity;
 use litpt_book::solids::{cube, icosphere};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 
 /// Rays per scene.
 const RAYS: usize = 40_000;
