@@ -42,8 +42,7 @@ fn a_hall_of_300_metres_is_scaled_by_32() {
         joined: vec![],
         marks: vec![],
     };
-    let scene = Scene::new(&hall);
-    let corner = scene.triangles.get(0)[1];
+    let corner = Scene::new(&hall).triangles.get(0)[1];
     assert_eq!(corner, DVec3::new(4800., 640., 192.));
     let metres = (corner.x.next_up() - corner.x) / 32.;
     assert_eq!(metres, power_of_two(-45));

@@ -273,8 +273,7 @@ fn all_that_differs_is_named() {
         "fov 70.0 against 70.5",
     ];
     assert_eq!(found, expected);
-    let foreign = of(&[("seed", "1")]);
-    assert!(disagreements(&one, &foreign).is_empty());
+    assert!(disagreements(&one, &of(&[("seed", "1")])).is_empty());
 }
 
 #[test]

@@ -244,8 +244,7 @@ fn a_comment_may_follow_the_numbers() {
 fn the_program_reads_compressed_files_and_pipes() {
     let place = Scratch::new();
     let small = format!("{} -d8x6 -n3 -r0.5", ABOVE.join(" "));
-    let plain = place.feed(TEXT.as_bytes(), &small);
-    plain.succeeded();
+    let plain = place.feed(TEXT.as_bytes(), &small).succeeded();
     for (name, file) in [
         ("scene.obj.gz", gzip(TEXT.as_bytes())),
         ("scene.obj.zst", zstd(TEXT.as_bytes())),

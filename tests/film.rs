@@ -298,8 +298,7 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
     }
     let setting = sphere();
     let Job { sensor, known, sampler, .. } = setting.job(1);
-    let sky = Sky::new(DVec3::Z);
-    let integrator = PathTracer::new(Surfaces::of(1.), sky);
+    let integrator = PathTracer::new(Surfaces::of(1.), Sky::new(DVec3::Z));
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
     {
         for threads in [1, 4] {

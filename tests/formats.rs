@@ -163,8 +163,7 @@ fn a_flipped_bit_of_an_exr_file_is_refused_or_told() {
 
 #[test]
 fn a_float_map_holds_its_rows_from_the_bottom_up() {
-    let values = [0.75, 1., 1.5, 0., 0.25, 0.5];
-    let expected = pfm("Pf\n3 2\n-1.0\n", &values);
+    let expected = pfm("Pf\n3 2\n-1.0\n", &[0.75, 1., 1.5, 0., 0.25, 0.5]);
     assert_eq!(bytes(Format::Pfm, &image()), expected);
     let read = decode(&expected).unwrap();
     assert_eq!(read.means, image().means);
@@ -312,8 +311,7 @@ fn png(
     }
     let mut writer = encoder.write_header().unwrap();
     for (kind, data) in chunks {
-        let kind = png::chunk::ChunkType(**kind);
-        writer.write_chunk(kind, data).unwrap();
+        writer.write_chunk(png::chunk::ChunkType(**kind), data).unwrap();
     }
     writer.write_image_data(data).unwrap();
     writer.finish().unwrap();
@@ -457,8 +455,7 @@ fn foreign(channels: &[(&str, FlatSamples)]) -> Vec<u8> {
     let seed = ("other:seed".into(), AttributeValue::F32(7.));
     image.layer_data.attributes.other.extend([seed]);
     let mut bytes = vec![];
-    let out = Cursor::new(&mut bytes);
-    image.write().to_buffered(out).unwrap();
+    image.write().to_buffered(Cursor::new(&mut bytes)).unwrap();
     bytes
 }
 

@@ -204,8 +204,7 @@ fn of_an_option_given_twice_the_last_value_counts() {
         (&["-i-"], None),
         (&[], None),
     ] {
-        let scene = parsed(words);
-        assert_eq!(scene.scene_file(), name.map(AsRef::as_ref));
+        assert_eq!(parsed(words).scene_file(), name.map(AsRef::as_ref));
     }
 }
 
@@ -352,7 +351,7 @@ fn instructions_are_told_and_change_no_image() {
     for isa in Isa::ALL {
         let run = place.line(&format!("-iroom.obj {small} --isa={isa}"));
         if isa.is_available() {
-            run.succeeded();
+            let run = run.succeeded();
             assert!(run.stdout == film, "{isa}");
             assert!(run.stderr.contains(&format!(", {isa})")), "{isa}");
         } else {
@@ -367,8 +366,7 @@ fn a_dash_is_standard_input_or_output() {
     let image = place.render("-d9x7 --format=pfm");
     for name in ["-i-", "-"] {
         let words = format!("-d9x7 -o - --format=pfm {name}");
-        let run = place.feed(ROOM.as_bytes(), &words);
-        run.succeeded();
+        let run = place.feed(ROOM.as_bytes(), &words).succeeded();
         assert!(run.stdout == image);
     }
     let report = place.line("-d9x7 -oa.pgm --report - room.obj").stdout;
@@ -390,8 +388,7 @@ fn a_dash_is_standard_input_or_output() {
     place.done("-d9x7 -s1 -otruth.pfm room.obj");
     let reference = "-d9x7 --reference=- -o- --format=pfm";
     let known = format!("{reference} room.obj");
-    let known = place.feed(&place.get("truth.pfm"), &known);
-    known.succeeded();
+    let known = place.feed(&place.get("truth.pfm"), &known).succeeded();
     assert!(known.stdout == image);
     let both = place.feed(ROOM.as_bytes(), reference);
     both.failed(1, &["standard input can be read once only"]);
@@ -407,8 +404,7 @@ fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
     };
     for view in ["", "--view top"] {
         let sky = "--sky overcast --ground 0.5";
-        let chosen = run(&format!("{sky} {view}"));
-        chosen.succeeded();
+        let chosen = run(&format!("{sky} {view}")).succeeded();
         let said = chosen.stderr.lines().next().unwrap();
         let (_, options) =
             said.split_once("the camera stands outside: ").unwrap();
@@ -420,8 +416,7 @@ fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
     // A reference of the view that is chosen shows the same.
     run("-oa.exr -s1").succeeded();
     run("--reference a.exr").succeeded();
-    let other = run("--reference a.exr -p0,0,0");
-    other.failed(1, &["a.exr", "position"]);
+    run("--reference a.exr -p0,0,0").failed(1, &["a.exr", "position"]);
 }
 
 const SIDES: [Viewpoint; 6] = {

@@ -36,8 +36,7 @@ fn start_reading(place: &Scratch, arguments: &str) -> Running {
 }
 
 fn send_room(mut child: Running) -> Run {
-    let stdin = child.0.stdin.as_mut().unwrap();
-    stdin.write_all(ROOM.as_bytes()).unwrap();
+    child.0.stdin.as_mut().unwrap().write_all(ROOM.as_bytes()).unwrap();
     finish(child)
 }
 
@@ -195,8 +194,7 @@ fn a_device_needs_no_force_and_stays_a_device() {
         assert_eq!(place.get("a.pgm"), place.render(SMALL));
     }
     for path in [&null, &full] {
-        let kind = fs::metadata(path).unwrap().file_type();
-        assert!(kind.is_char_device());
+        assert!(fs::metadata(path).unwrap().file_type().is_char_device());
     }
     for words in [SMALL, "--help"] {
         let full = OpenOptions::new().write(true).open(&full);
@@ -412,8 +410,7 @@ fn the_rows_go_from_top_to_bottom_and_from_left_to_right() {
     // A wall hides the sky on the left, the ground on the right is dark.
     let wall = "v -9 1 -9\nv 0 1 -9\nv 0 1 9\nv -9 1 9\nf 1 2 3 4\n";
     let view = "-d2x2 -F20 -n4 -r0 -t0,9,0";
-    let run = Scratch::new().feed(wall.as_bytes(), view);
-    run.succeeded();
+    let run = Scratch::new().feed(wall.as_bytes(), view).succeeded();
     let levels = pgm(&run.stdout).2;
     let dark = levels.iter().filter(|level| **level == 0).count();
     assert!(levels[1] >= 254 && dark == 3, "{levels:?}");

@@ -254,8 +254,7 @@ fn a_merge_says_that_its_picture_is_not_filtered() {
 fn automatic_exposure_has_one_definition() {
     let place = Scratch::new();
     let stops = |run: Run| {
-        run.succeeded();
-        let text = run.stderr;
+        let text = run.succeeded().stderr;
         let line = text.lines().find(|line| line.contains("exposure"));
         let words = line.expect(&text).split_whitespace();
         let number = words.map(str::parse::<f64>).find_map(Result::ok);

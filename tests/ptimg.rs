@@ -186,8 +186,7 @@ fn a_diff_answers_by_its_status_and_in_words() {
         assert!(words.iter().all(|words| text.contains(words)), "{text}");
         let last = text.lines().last().unwrap();
         assert!(last.contains(words[words.len() - 1]), "{last}");
-        let quiet = format!("diff -q {a} {b}");
-        assert_eq!(said(&place, &quiet, status), "");
+        assert_eq!(said(&place, &format!("diff -q {a} {b}"), status), "");
     }
 }
 
@@ -277,8 +276,7 @@ fn a_dash_is_standard_input_whatever_its_format() {
     let run = |input: &[u8], line: &str| feed(place.companion(line), input);
     for name in ["a.exr", "a.pfm", "a.png", "a.pgm"] {
         write(&place, name, &image);
-        let info = run(&place.get(name), "info -");
-        info.succeeded();
+        let info = run(&place.get(name), "info -").succeeded();
         let told = info.stdout.starts_with(b"file: -\nwidth: 40\n");
         assert!(told, "{info:?}");
         let status = run(&place.get(name), "diff -q a.exr -").status;
@@ -305,14 +303,13 @@ fn a_dash_is_standard_output_in_the_format_asked_for() {
             let file = format!("file.{format}");
             place.ptimg(&format!("{verb} -f -o {file}")).succeeded();
             let piped = place.ptimg(&format!("{verb} -o- {option}"));
-            piped.succeeded();
-            assert_eq!(piped.stdout, place.get(&file), "{verb}");
+            let piped = piped.succeeded().stdout;
+            assert_eq!(piped, place.get(&file), "{verb}");
         }
     }
     assert!(!place.path("-").exists());
     // The report of a merge names the program that wrote it.
-    let merge = "merge a.litpt b.litpt -om.exr --report m.json";
-    said(&place, merge, 0);
+    said(&place, "merge a.litpt b.litpt -om.exr --report m.json", 0);
     let program = format!("ptimg {}", env!("CARGO_PKG_VERSION"));
     assert_eq!(place.json("m.json")["program"], program);
     let shown = place.ptimg("stderr a.exr -o -");
@@ -347,8 +344,7 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
         ("diff d.exr d.exr", window, "identical"),
         ("tonemap d.exr -od.pgm", window, ""),
     ] {
-        let run = place.ptimg(arguments);
-        run.succeeded();
+        let run = place.ptimg(arguments).succeeded();
         let warning = format!("warning: {warning}");
         assert!(run.stderr.starts_with(&warning), "{}", run.stderr);
         let text = run.text();
@@ -370,8 +366,7 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
 #[test]
 fn an_image_for_the_screen_has_the_levels_of_pt() {
     let place = Scratch::new();
-    let image = put(&place, "a.exr", 1, 0.5);
-    write(&place, "direct.png", &image);
+    write(&place, "direct.png", &put(&place, "a.exr", 1, 0.5));
     let tonemap =
         |more: &str| place.ptimg(&format!("tonemap a.exr -f -o {more}"));
     tonemap("t.png").succeeded();
@@ -457,8 +452,7 @@ fn the_image_of_the_errors_says_what_white_is() {
     let shown = said(&place, "stderr a.exr -r -o r.pgm", 0);
     assert!(shown.starts_with("white is a relative"), "{shown:?}");
     write(&place, "b.exr", &Image { errors: None, ..image });
-    let nothing = place.ptimg("stderr b.exr -o n.pgm");
-    nothing.failed(1, &["b.exr", "stderr.Y"]);
+    place.ptimg("stderr b.exr -o n.pgm").failed(1, &["b.exr", "stderr.Y"]);
     assert!(!place.path("n.pgm").exists());
 }
 

@@ -164,8 +164,7 @@ fn a_signal_ends_the_run_with_its_image_and_report() {
         let most = counts.unwrap().into_iter().fold(0., f64::max) as u64;
         assert!((spp(&report)..1_000_000_000).contains(&most));
         let n = format!("-n{} --format=pfm", most + 3);
-        let on = pt(&place, &format!("--resume=c {n}"));
-        on.succeeded();
+        let on = pt(&place, &format!("--resume=c {n}")).succeeded();
         assert!(on.stdout == pt(&place, &n).stdout);
     }
 }
@@ -347,9 +346,7 @@ fn runs_heed_the_signals_that_their_test_ignores() {
     let mut command = place.command("sh");
     command.args(["-c", "trap '' HUP INT QUIT; exec \"$@\"", "sh"]);
     command.arg(env::current_exe().unwrap()).args(["--exact", test]);
-    let run = outcome(&mut command);
-    run.succeeded();
-    assert!(run.text().contains("1 passed"));
+    assert!(outcome(&mut command).succeeded().text().contains("1 passed"));
 }
 
 /// Whether its guard ends it, or the system, which does so whatever happens
@@ -463,8 +460,7 @@ fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
     // A checkpoint that was there before stays as it is.
     place.done(&format!("{scene} -n2 -ob.pgm --checkpoint=c"));
     let old = place.get("c");
-    let resume = format!("{run} -f --resume=c");
-    warned(&place.within("-f 64", &resume), &["c"]);
+    warned(&place.within("-f 64", &format!("{run} -f --resume=c")), &["c"]);
     assert_eq!(place.get("c"), old);
     assert_eq!(place.get("a.pgm"), whole);
     place.holds_only(&["a.pgm", "b.pgm", "c", "r.json"]);
@@ -599,8 +595,7 @@ fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
     let run = "-iroom.obj -d9x7 --checkpoint=c";
     place.done(&format!("{run} -n5"));
     for (n, enough) in [("", true), ("-n4", true), ("-n6", false)] {
-        let again = place.done(&format!("{run} --resume=c {n}"));
-        let said = again.stderr;
+        let said = place.done(&format!("{run} --resume=c {n}")).stderr;
         assert_eq!(said.contains("c: holds 5"), enough, "{said}");
         assert_eq!(said.contains("holds"), enough, "{said}");
     }
@@ -636,8 +631,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
 #[test]
 fn a_preview_grows_while_the_image_is_rendered() {
     let place = Scratch::new();
-    let files = "--preview -oa.png -oa.pfm -n1000000000";
-    let mut child = begin(&place, files);
+    let mut child = begin(&place, "--preview -oa.png -oa.pfm -n1000000000");
     let path = place.path("a.png");
     wait_until(&mut child, "preview", || path.exists());
     let whole = |png: &[u8]| png.ends_with(b"IEND\xae\x42\x60\x82");

@@ -306,8 +306,7 @@ fn a_scene_is_moved_along_the_axes_that_round_no_corner() {
             joined: vec![],
             marks: vec![],
         };
-        let scene = Scene::new(&mesh);
-        let placed = scene.triangles.to_vec();
+        let placed = Scene::new(&mesh).triangles.to_vec();
         assert_eq!(placed.len(), 3000);
         let middle = DVec3::from(rounds.map(|r| if r { 0. } else { 512. }));
         let scale = (placed[0][1] - placed[0][0]).x / 1024.;

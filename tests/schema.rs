@@ -161,8 +161,7 @@ fn reports() -> Vec<Value> {
 fn reports_and_their_schema_have_the_same_fields_and_types() {
     let schema = include_str!("../doc/report.schema.json");
     let schema: Value = serde_json::from_str(schema).unwrap();
-    let reports = reports();
-    check(&schema, &reports.iter().collect::<Vec<_>>(), "");
+    check(&schema, &reports().iter().collect::<Vec<_>>(), "");
     let words = [Stop::Samples, Stop::Time, Stop::Error, Stop::Signal(2)];
     let words = words.map(|stop| json!(stop));
     let words: Vec<_> = [Value::Null].into_iter().chain(words).collect();

@@ -312,8 +312,7 @@ fn missing_parts_are_listed_and_need_a_permission() {
     merge(&place, files).failed(1, &[&told, "--partial"]);
     assert!(!place.path("c.exr").exists());
     let partial = format!("{files} --partial --report=r.json");
-    let run = merge(&place, &partial);
-    run.succeeded();
+    let run = merge(&place, &partial).succeeded();
     assert_eq!(run.stderr, format!("warning: {told}\n"));
     let image = Image::read(&place.path("c.exr")).unwrap();
     assert_eq!(image.attributes["missing"], missing);

@@ -58,8 +58,7 @@ fn place(scene: &Scene, random: &mut Pcg64) -> DVec3 {
     if triangles.is_empty() {
         return anywhere;
     }
-    let i = random.random_range(0..triangles.len());
-    let [a, b, c] = triangles[i];
+    let [a, b, c] = triangles[random.random_range(0..triangles.len())];
     let (s, t) = (random.random::<f64>(), random.random::<f64>());
     match random.random_range(0..6) {
         0 => a,

@@ -144,10 +144,9 @@ impl Scratch {
     }
 
     /// Runs `pt` with the words of a line, which is a success.
+    #[track_caller]
     pub fn done(&self, line: &str) -> Run {
-        let run = self.line(line);
-        run.succeeded();
-        run
+        self.line(line).succeeded()
     }
 
     /// Runs `pt` under a limit of the shell.
@@ -276,8 +275,7 @@ pub fn keep_reading(mut command: Command) -> Running {
     let mut child = spawn(command.stdin(Stdio::piped()));
     // More than any pipe holds: the write ends when somebody reads.
     let comment = "# nothing to see here, read on\n".repeat(1 << 16);
-    let stdin = child.0.stdin.as_mut().unwrap();
-    stdin.write_all(comment.as_bytes()).unwrap();
+    child.0.stdin.as_mut().unwrap().write_all(comment.as_bytes()).unwrap();
     child
 }
 
@@ -314,9 +312,12 @@ impl Run {
         String::from_utf8(self.stdout).unwrap()
     }
 
-    pub fn succeeded(&self) {
+    /// Ended with 0 and without an error.
+    #[track_caller]
+    pub fn succeeded(self) -> Self {
         assert_eq!(self.status, Some(0), "{}", self.stderr);
         assert!(!self.stderr.contains("error:"), "{}", self.stderr);
+        self
     }
 
     /// Ended with `status`, nothing on standard output, and one line on

@@ -385,8 +385,7 @@ fn check_depth<const N: usize>() {
     };
     assert!(!fits(&deep));
     assert!(fits(&balance(&deep)));
-    let wide = wide::<N>(&scene);
-    assert!(N * levels(&wide) + N <= STACK);
+    assert!(N * levels(&wide::<N>(&scene)) + N <= STACK);
 }
 
 /// A tree with one triangle on one side of each node, and all that come
