@@ -298,7 +298,7 @@ fn a_scene_is_moved_along_the_axes_that_round_no_corner() {
         for axis in (0..3).filter(|&axis| rounds[axis]) {
             vertices[3000 * axis + 1500][axis] = 1. / 3.;
         }
-        let triangle = |i| [0, 1, 2].map(|k: u32| 3 * i + k);
+        let triangle = |i: u32| [0, 1, 2].map(|k| 3 * i + k);
         let triangles = (0..3000).map(triangle).collect();
         let mesh = Mesh { triangles, vertices, ..Mesh::default() };
         let placed = Scene::new(&mesh).triangles.to_vec();
