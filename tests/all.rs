@@ -31,6 +31,7 @@ mod options;
 mod outputs;
 mod picture;
 mod polygons;
+mod prelude;
 mod ptimg;
 mod render_loop;
 mod report;

@@ -60,8 +60,7 @@ fn the_number_of_paths_does_not_change_how_often_memory_is_asked_for() {
     let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.broadcast(|_| ());
     for (mesh, view) in &scenes {
-        let sky = (0.8, view.up);
-        let setting = Setting::new(mesh, sky, view, 1.).unwrap();
+        let setting = Setting::new(mesh, (0.8, view.up), view, 1.).unwrap();
         let scene = Scene::new(mesh);
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
             let intersector =

@@ -4,15 +4,9 @@
 //! What is left out changes no bit of an image; and a shortcut that does not
 //! hold is found out.
 
-use crate::common;
+use crate::prelude::*;
 
-use common::{BOX, Scratch, obj};
-use glam::DVec3;
-use litpt::analysis::background::{KnownPixels, TileContent};
-use litpt::analysis::{SHORTCUTS, SceneAnalysis};
-use litpt::camera::View;
-use litpt::render::choose::{Method, Pixels, Sampling};
-use litpt_book::closed_forms::cavity;
+use litpt::analysis::SHORTCUTS;
 use litpt_book::settings::{Setting, all, named};
 
 const SMALL: (u32, u32) = (48, 36);
@@ -67,8 +61,7 @@ fn what_does_not_hold_is_found_out() {
         assert!(found.known.content((0, 0)) != TileContent::Scene);
     };
     let empty = named("nothing in view");
-    let empty = empty.render_with(&[], SMALL, 1, &plain(), check);
-    assert_eq!(empty.rays, 0);
+    assert_eq!(empty.render_with(&[], SMALL, 1, &plain(), check).rays, 0);
 }
 
 /// The names of the shortcuts that hold.
@@ -113,13 +106,11 @@ fn only_inside_of_closed_surfaces_it_is_dark() {
     for (point, inside) in points {
         let position = DVec3::from_array(point);
         let target = position + DVec3::new(0.3, 0.5, 0.1);
-        let found = left_out(position, target);
-        let dark = found.contains(&"dark".to_owned());
+        let dark = left_out(position, target).contains(&"dark".to_owned());
         assert_eq!(dark, inside, "at {position}");
     }
     // On a wall nobody is inside.
-    let wall = DVec3::new(5., 0.3, 0.1);
-    assert_eq!(left_out(wall, DVec3::ZERO), [""; 0]);
+    assert_eq!(left_out(DVec3::new(5., 0.3, 0.1), DVec3::ZERO), [""; 0]);
 }
 
 /// The view of an empty image with another target, up axis and field of

@@ -4,26 +4,19 @@
 //! Answers to the book's exercises on paths, errors, images and runs, with
 //! each number that their text states.
 
-use crate::common;
+use crate::prelude::*;
+
 use crate::render_loop::go_on;
 
-use glam::DVec3;
-use litpt::analysis::background::{KnownPixels, TileContent};
+use litpt::compare::compare;
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{
     Grid, RadianceCache, Record, SKY, WHOLE,
 };
 use litpt::integrator::gather::training::train;
 use litpt::integrator::gather::{Allocation, Correction, Tracer};
-use litpt::{bvh::*, film::*, image::*, render::*};
-use litpt::{camera::*, render_loop::*};
-use litpt::{compare::compare, integrator::*};
-use litpt::{sampler::*, scene::*, sky::*, statistics::*};
-use litpt_book::closed_forms::*;
+use litpt::render::*;
 use litpt_book::settings;
-use litpt_book::solids;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 
 /// A number is within some distance of what is printed.
 #[track_caller]
@@ -151,8 +144,7 @@ fn an_iteration_that_has_settled_may_be_far_from_its_limit() {
 
 /// A cache that says the same of all places within a unit of the origin.
 fn believer(value: f32) -> RadianceCache {
-    let far = [DVec3::splat(-1e6), DVec3::splat(1e6)];
-    let grid = Grid::around(&far);
+    let grid = Grid::around(&[DVec3::splat(-1e6), DVec3::splat(1e6)]);
     let mut records = vec![];
     for (x, y, z) in (0..8).map(|i| (i & 1, i >> 1 & 1, i >> 2)) {
         let [x, y, z] = [x, y, z].map(|i| f64::from(2 * i - 1));
@@ -227,8 +219,7 @@ fn a_true_cache_halves_the_variance_of_a_cavity_and_saves_two_rays_of_three()
     let setting = sphere(0.2, 0.8, 128);
     let (sum, _) = gather(&setting, &believer(4. / 9.), None, 4000);
     near(sum.variance(), 0.0316, 1e-3);
-    let paths = weigh(&mut setting.job(1), 64_000);
-    near(paths.variance(), 0.0648, 3e-3);
+    near(weigh(&mut setting.job(1), 64_000).variance(), 0.0648, 3e-3);
 }
 
 /// The variance of the pixels of a room with a window, and the rays of a
@@ -301,9 +292,8 @@ fn a_level_stands_for_an_interval_of_radiances() {
         0.57757, 0.57759, 0.58407, 0.58409,
     ];
     let mut bytes = vec![];
-    let image = image(8, ends, None, None);
-    Format::Pgm.write(&image, &mut bytes).unwrap();
-    let (_, _, levels) = common::pgm(&bytes);
+    Format::Pgm.write(&image(8, ends, None, None), &mut bytes).unwrap();
+    let (_, _, levels) = pgm(&bytes);
     assert_eq!(levels, [99, 100, 100, 101, 199, 200, 200, 201]);
 }
 
@@ -323,8 +313,7 @@ fn background(up: DVec3, triangles: &[Triangle]) -> KnownPixels {
 #[test]
 fn a_rolled_horizon_leaves_nine_tiles_constant() {
     let angle = 30f64.to_radians();
-    let up = DVec3::new(angle.sin(), 0., angle.cos());
-    let known = background(up, &[]);
+    let known = background(DVec3::new(angle.sin(), 0., angle.cos()), &[]);
     let content = |i: &u32| known.content((i % 4 * 16, i / 4 * 16));
     let sky = |i: &u32| content(i) == TileContent::Sky;
     let sky: Vec<_> = (0..16).filter(sky).collect();
@@ -334,8 +323,7 @@ fn a_rolled_horizon_leaves_nine_tiles_constant() {
 #[test]
 fn a_triangle_in_four_parts_is_seen_by_one_tile_less() {
     let point = |(r, u)| DVec3::new(r, 4., u);
-    let corners = [(1., 1.), (2.8, 1.), (1., 2.8)];
-    let [a, b, c] = corners.map(point);
+    let [a, b, c] = [(1., 1.), (2.8, 1.), (1., 2.8)].map(point);
     let [d, e, f] = [(b + c) / 2., (a + c) / 2., (a + b) / 2.];
     let parts = [[a, f, e], [f, b, d], [e, d, c], [d, e, f]];
     let count = |t: &[Triangle]| background(DVec3::Z, t).count();

@@ -3,8 +3,7 @@
 
 //! What `pt` does with an OBJ that is odd, and with one that is wrong.
 
-use crate::common::{ROOM, SQUARE, Scratch, outcome};
-use litpt::scene::{Scene, read_file};
+use crate::prelude::*;
 
 /// A triangle that fills a part of the image.
 const TRIANGLE: &str = "v -9 -9 0\nv 9 -8 0\nv -1 7 0\n";
@@ -78,8 +77,7 @@ fn a_warning_is_printed_once_unless_the_program_is_quiet() {
     let said = place.done(&format!("-iodd.obj {SMALL}")).stderr;
     assert_eq!(said.matches("warning").count(), 1, "{said}");
     assert!(said.contains("odd.obj:4: l, the first of 2"));
-    let quiet = place.line(&format!("-iodd.obj {SMALL} -q"));
-    assert_eq!(quiet.stderr, "");
+    assert_eq!(place.line(&format!("-iodd.obj {SMALL} -q")).stderr, "");
 }
 
 #[test]
@@ -98,11 +96,7 @@ fn what_has_no_end_and_is_no_obj_is_refused() {
     let zeros = place.line("-i/dev/zero");
     let fault = "cannot read: no vertex in the first 64 MiB";
     zeros.failed(1, &["/dev/zero: ", fault]);
-    let mut command = place.command("sh");
-    command.args(["-c", "yes | \"$0\""]);
-    command.arg(env!("CARGO_BIN_EXE_pt"));
-    let endless = outcome(&mut command);
-    endless.failed(1, &["standard input: ", fault]);
+    place.shell("yes | \"$PT\"").failed(1, &["standard input: ", fault]);
 }
 
 #[test]
@@ -121,8 +115,7 @@ fn too_little_memory_is_told_in_one_line() {
 fn what_comes_late_through_a_pipe_is_read() {
     let place = Scratch::new();
     let text = "# a word\n".repeat(1 << 21) + ROOM;
-    let fed = place.feed(text.as_bytes(), "-d9x7");
-    fed.succeeded();
+    let fed = place.feed(text.as_bytes(), "-d9x7").succeeded();
     assert!(fed.stdout == place.render("-d9x7"));
 }
 
@@ -282,8 +275,7 @@ fn a_backslash_continues_a_line() {
     let many = TRIANGLE.to_owned() + &"v 1 1 1\n".repeat(30);
     let glued = format!("{many}f 1//1\\\n2//2\\\r\n3\\\r3\n");
     same(glued, &format!("{many}f 1 2 3 3\n"));
-    let wrong = odd.replace("2 3", "2 \\\n 9");
-    refused(wrong, &["9", "3 vertices"]);
+    refused(odd.replace("2 3", "2 \\\n 9"), &["9", "3 vertices"]);
 }
 
 #[test]
@@ -359,8 +351,7 @@ fn what_has_no_shape_is_ignored() {
     same("v -9 -9 0 1\nv 9 -8 0 1\nv -1 7 0 1\nf 1 2 3\n", &with(""));
     let odd = "v -9 -9 0 .1 .2 .3\nv 9 -8 0 1 1 1\nv -1 7 0 0 0 0\n";
     same(format!("{odd}f 1 2 3\n"), &with(""));
-    let some = "v -9 -9 0\nv 9 -8 0 1 0 .5\nv -1 7 0 2\nf 1 2 3\n";
-    same(some, &with(""));
+    same("v -9 -9 0\nv 9 -8 0 1 0 .5\nv -1 7 0 2\nf 1 2 3\n", &with(""));
 }
 
 #[test]

@@ -3,15 +3,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use glam::DVec3;
-use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality, too_small};
-use litpt::sampler::cosine_direction;
-use litpt::scene::{Mesh, Ray, Scene, Triangle};
-use litpt_book::closed_forms::cavity;
+use crate::prelude::*;
+
 use litpt_book::escapes::uniform;
-use litpt_book::solids;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 
 /// The nearest hit by the textbook: the ray's plane equation, and the side
 /// of each edge, in double precision.
@@ -269,7 +263,7 @@ fn vector_instructions_are_found_where_the_system_names_them() {
     assert_eq!(Isa::Avx2.is_available(), avx2);
     assert_eq!(Isa::Avx512.is_available(), avx512);
     for isa in Isa::ALL.into_iter().filter(|isa| !isa.is_available()) {
-        crate::common::skip(&format!("no test has looked at {isa}"));
+        skip(&format!("no test has looked at {isa}"));
     }
 }
 

@@ -4,21 +4,13 @@
 //! A run that is killed goes on as if nothing had happened, and what is no
 //! checkpoint of it is refused and left alone (chapter "The checkpoint").
 
-use crate::common;
+use crate::prelude::*;
 
-use std::io::Cursor;
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use common::{ROOM, Run, Scratch, finish, outcome, spawn, wait_until};
-use litpt::film::Film;
-use litpt::image::Image;
-use litpt::render_loop::Convergence;
-use litpt::report::Report;
-use litpt::state::checkpoint::{Checkpoint, Known, save};
+use litpt::state::checkpoint::Known;
 use litpt::state::key::RunKey;
 use litpt::state::learnt::{read, write};
-use serde_json::{Value, json};
 
 // --------------------------------------------------------------- The library
 
@@ -293,8 +285,7 @@ fn a_run_that_has_ended_may_go_on_to_another_limit() {
     same_as_uninterrupted(&place, "--error=0.05");
     // There is nothing left to do, and the image is the same.
     pt(&place, "-f -ob.pfm -n7 --resume=e --checkpoint=e").succeeded();
-    let whole = pt(&place, "-n7 --format=pfm").stdout;
-    assert_eq!(place.get("b.pfm"), whole);
+    assert_eq!(place.get("b.pfm"), pt(&place, "-n7 --format=pfm").stdout);
     assert_eq!(saved_spp(&place.path("e")), Some(7));
 }
 
@@ -331,8 +322,7 @@ fn what_cannot_be_resumed_is_refused_and_left_alone() {
         left_alone(&whole, option, fact);
     }
     // Neither is a file without an end read to its end.
-    let endless = pt(&place, "--resume=/dev/zero");
-    endless.failed(1, &["is not a checkpoint"]);
+    pt(&place, "--resume=/dev/zero").failed(1, &["is not a checkpoint"]);
     let none = pt(&place, &format!("{missing} --resume=d"));
     none.failed(1, &["d: cannot read", "No such file"]);
 }
@@ -409,8 +399,7 @@ fn a_scene_on_standard_input_is_there_again_when_the_run_goes_on() {
     for scene in ["-", "-i-", ""] {
         let first = format!("-d9x7 -qf -o- --checkpoint=c {scene}");
         place.feed(ROOM.as_bytes(), &first).succeeded();
-        let on = place.feed(ROOM.as_bytes(), "-n3 --resume=c");
-        on.succeeded();
+        let on = place.feed(ROOM.as_bytes(), "-n3 --resume=c").succeeded();
         assert!(on.stdout == whole, "{scene}");
     }
 }

@@ -3,17 +3,7 @@
 
 //! The pilot and the choice (chapter "Choosing a method").
 
-use crate::common;
-
-use common::Scratch;
-use glam::DVec3;
-use litpt::analysis::SceneAnalysis;
-use litpt::film::{Film, Measure, Window};
-use litpt::render::Renderer;
-use litpt::render::choose::{Choice, Method, Request, Setup};
-use litpt::scene::Mesh;
-use litpt_book::closed_forms::{Setting, cavity, look};
-use serde_json::Value;
+use crate::prelude::*;
 
 const SIZE: (u32, u32) = (48, 32);
 
@@ -136,8 +126,7 @@ fn the_parts_of_the_variance_are_told_apart() {
     assert_eq!(of(9).sampling.replicate, 2);
     // An error that 256 samples of the reference have takes fewer by nets;
     // those of 256 would have scrambles of 64.
-    let error = (pilot.first / 256.).sqrt();
-    let error = Some((error, Measure::default()));
+    let error = Some(((pilot.first / 256.).sqrt(), Measure::default()));
     let bounded = asked(Request { error, ..ANY }).sampling;
     assert_eq!(bounded.method, Method::Sobol);
     assert!(bounded.replicate < 32, "{}", bounded.replicate);

@@ -4,6 +4,8 @@
 //! Comparing images: what is called chance, and what is
 //! not (chapter "Comparing images").
 
+use crate::prelude::*;
+
 use std::f64::consts::FRAC_PI_2;
 
 use litpt::compare::display::{
@@ -12,10 +14,6 @@ use litpt::compare::display::{
 use litpt::compare::{
     Difference, Dispersion, FALSE_ALARMS, FEW, compare, disagreements,
 };
-use litpt::image::{Image, OPACITY};
-use litpt::statistics::Accumulator;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 
 type Random = Pcg64Mcg;
 
@@ -275,8 +273,7 @@ fn all_that_differs_is_named() {
         "fov 70.0 against 70.5",
     ];
     assert_eq!(found, expected);
-    let foreign = of(&[("seed", "1")]);
-    assert!(disagreements(&one, &foreign).is_empty());
+    assert!(disagreements(&one, &of(&[("seed", "1")])).is_empty());
 }
 
 #[test]
@@ -350,8 +347,7 @@ fn tiled(error: f64, replicate: &str, crop: Option<&str>) -> Difference {
         ..b.clone()
     };
     a.attributes.insert("replicate".into(), replicate.into());
-    let crop = crop.map(|crop| ("crop".into(), crop.into()));
-    a.attributes.extend(crop);
+    a.attributes.extend(crop.map(|crop| ("crop".into(), crop.into())));
     let b = Image { errors: None, samples: None, ..b };
     compare(&a, &b).unwrap()
 }

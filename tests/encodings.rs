@@ -4,13 +4,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::common;
+use crate::prelude::*;
 
-use std::io::Write;
-
-use common::{ABOVE, Scratch, pgm};
 use flate2::{Compression, GzBuilder, write::GzEncoder};
-use litpt::scene::{Mesh, read_file, read_obj};
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
 const TEXT: &str = "# a comment é\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
@@ -248,8 +244,7 @@ fn a_comment_may_follow_the_numbers() {
 fn the_program_reads_compressed_files_and_pipes() {
     let place = Scratch::new();
     let small = format!("{} -d8x6 -n3 -r0.5", ABOVE.join(" "));
-    let plain = place.feed(TEXT.as_bytes(), &small);
-    plain.succeeded();
+    let plain = place.feed(TEXT.as_bytes(), &small).succeeded();
     for (name, file) in [
         ("scene.obj.gz", gzip(TEXT.as_bytes())),
         ("scene.obj.zst", zstd(TEXT.as_bytes())),

@@ -3,17 +3,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::chance::Chance;
-
-use glam::DVec3;
-use litpt::camera::View;
-use litpt::film::Film;
-use litpt::render::Renderer;
-use litpt::scene::Mesh;
-use litpt_book::closed_forms::{
-    Setting, cavity, cavity_radiance, closed_forms, look, pixel, plane,
-    polygon_share, trough_radiance,
-};
+use crate::prelude::*;
 
 fn inside() -> View {
     look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 20.)

@@ -4,31 +4,17 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::prelude::*;
+
 use crate::bvh::apart;
-use crate::common;
-
-use std::time::{Duration, Instant};
-
-use common::{ABOVE, Scratch, pgm};
-use glam::DVec3;
-use litpt::bvh::{Bvh, Isa, Quality};
-use litpt::camera::{Camera, View};
-use litpt::film::Film;
-use litpt::render::Renderer;
-use litpt::scene::{Mesh, Scene, read_obj};
-use litpt_book::closed_forms::{Setting, look};
 
 /// Two triangles: the square |x|, |y| <= half in the plane z = 0.
 fn square(half: f64) -> Mesh {
     let corners = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)];
-    let vertices = corners.map(|(x, y)| DVec3::new(x, y, 0.) * half);
+    let corner = |(x, y)| DVec3::new(x, y, 0.) * half;
+    let vertices = corners.map(corner).to_vec();
     let triangles = vec![[0, 1, 2], [0, 2, 3]];
-    Mesh {
-        vertices: vertices.to_vec(),
-        triangles,
-        joined: vec![],
-        marks: vec![],
-    }
+    Mesh { vertices, triangles, ..Mesh::default() }
 }
 
 /// From above, so far away, and down to the origin.
@@ -82,11 +68,11 @@ fn a_square_of_any_size_reflects_its_share() {
 
 #[test]
 fn minus_zero_is_zero() {
-    let mut negative = common::ROOM.replace(" 0 ", " -0 ");
+    let mut negative = ROOM.replace(" 0 ", " -0 ");
     negative.push_str("v -0 -0 -0\n");
     assert!(negative.contains("-0 1"));
     let read = |text: &str| read_obj(text.as_bytes()).unwrap();
-    let (plain, other) = (read(common::ROOM), read(&negative));
+    let (plain, other) = (read(ROOM), read(&negative));
     let scenes = [Scene::new(&plain), Scene::new(&other)];
     // Printed, 0 and -0 differ.
     let said = scenes.map(|s| format!("{:?}", s.triangles.to_vec()));
@@ -160,7 +146,7 @@ fn quickly<T>(work: impl FnOnce() -> T) -> T {
 
 #[test]
 fn of_a_million_copies_the_first_stays_where_it_is() {
-    let single = read_obj(common::ROOM.as_bytes()).unwrap();
+    let single = read_obj(ROOM.as_bytes()).unwrap();
     let mut many = single.clone();
     let turned = |&[a, b, c]: &[u32; 3]| [[a, b, c], [c, a, b]];
     many.triangles = single.triangles.iter().flat_map(turned).collect();
@@ -287,18 +273,6 @@ fn each_reflectivity_is_the_radiance_of_a_lone_square() {
     }
 }
 
-#[test]
-fn one_realisation_and_a_trillion_within_a_time_give_the_image() {
-    let place = Scratch::new();
-    let scene = format!("-isquare.obj -d4x3 -r0.5 {}", ABOVE.join(" "));
-    for more in ["-n1", "-n1099511627776 --time=1"] {
-        let run = place.done(&format!("{scene} {more}"));
-        let (_, _, levels) = pgm(&run.stdout);
-        // The encoding of one half.
-        assert_eq!(levels, [187; 12], "{more:?}");
-    }
-}
-
 // -------------------------------------------------------------- Invariance
 
 /// A view of the room.
@@ -339,7 +313,7 @@ fn assert_alike(mesh: &Mesh, view: &View, offsets: &[DVec3]) {
 
 #[test]
 fn an_image_does_not_change_when_all_is_moved_and_scaled_exactly() {
-    let mut mesh = read_obj(common::ROOM.as_bytes()).unwrap();
+    let mut mesh = read_obj(ROOM.as_bytes()).unwrap();
     // A half extent that needs one bit more than the coordinates.
     let tiny = 2f64.powi(-12);
     mesh.vertices[2].x += tiny;
@@ -360,7 +334,7 @@ fn an_image_does_not_change_when_all_is_moved_and_scaled_exactly() {
 fn neither_does_that_of_coordinates_that_fit_no_single() {
     let unit = 2f64.powi(-37);
     let third = |v: DVec3| (v / 3. / unit).round() * unit;
-    let mut mesh = read_obj(common::ROOM.as_bytes()).unwrap();
+    let mut mesh = read_obj(ROOM.as_bytes()).unwrap();
     mesh.vertices.iter_mut().for_each(|v| *v = third(*v));
     let is_single = |x: &f64| f64::from(*x as f32) == *x;
     let corners = mesh.vertices.iter().flat_map(|v| v.to_array());

@@ -4,24 +4,13 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::render_loop::with_threads;
+use crate::prelude::*;
+
+use crate::render_loop::{watch_of, with_threads};
 
 use std::collections::HashSet;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use glam::DVec3;
-use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
-use litpt::camera::View;
-use litpt::film::{Film, FilmTile, SIDE, Summary, Tile, Window};
-use litpt::integrator::{Integrator, PathEvent, PathTracer};
-use litpt::materials::Surfaces;
-use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::SobolSampler;
-use litpt::sampler::{Sampler, dimension};
-use litpt::scene::{Ray, Scene};
-use litpt::sky::Sky;
-use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::{Setting, cavity, look};
 
 #[test]
 fn each_pixel_belongs_to_one_tile_and_is_found_there() {
@@ -54,8 +43,7 @@ fn the_curve_steps_to_adjacent_tiles() {
         let corners: Vec<(u32, u32)> =
             film.tiles().iter().map(|part| part.tile.corner).collect();
         assert_eq!(corners[0], (0, 0));
-        let last = corners[corners.len() - 1];
-        assert_eq!(last, ((tiles - 1) * SIDE, 0));
+        assert_eq!(corners[corners.len() - 1], ((tiles - 1) * SIDE, 0));
         for pair in corners.windows(2) {
             let step = pair[0].0.abs_diff(pair[1].0)
                 + pair[0].1.abs_diff(pair[1].1);
@@ -265,12 +253,8 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
         with_threads(threads, || {
             let (mut film, mut rays) = (Film::new(size.0, size.1), 0);
             for (end, calls) in [(4, 21), (7, 30), (7, 17), (7, 0)] {
-                let left = AtomicU64::new(calls);
-                let watch = |_| {
-                    let less = |n: u64| n.checked_sub(1);
-                    left.fetch_update(Relaxed, Relaxed, less).is_ok()
-                };
-                rays += setting.job(4).pass(&mut film, end, &watch);
+                let watch = &watch_of(calls);
+                rays += setting.job(4).pass(&mut film, end, watch);
                 assert!(film.samples() < end);
                 // Each pixel is that of a whole film of so many samples.
                 for n in counts(&film) {
@@ -309,8 +293,7 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
     }
     let setting = sphere();
     let Job { sensor, known, sampler, .. } = setting.job(1);
-    let sky = Sky::new(DVec3::Z);
-    let integrator = PathTracer::new(Surfaces::of(1.), sky);
+    let integrator = PathTracer::new(Surfaces::of(1.), Sky::new(DVec3::Z));
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
     {
         for threads in [1, 4] {

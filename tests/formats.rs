@@ -5,11 +5,10 @@
 //! refused, and nothing that is damaged ends the program (chapter
 //! "Images and their formats").
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::io::{Cursor, Error, Write};
+use crate::prelude::*;
 
-use crate::common::pgm;
+use std::io::Error;
+
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, IntegerBounds};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
@@ -17,13 +16,9 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage,
     Layer, SmallVec, WritableImage, f16,
 };
-use litpt::film::{self, Film, FilmTile, WORTH};
-use litpt::image::{Format, Image, Picture};
-use litpt::output::{OutputTarget, format_of};
+use litpt::film;
 use png::BitDepth::{self, Eight, One, Sixteen};
 use png::ColorType::{self, Grayscale, GrayscaleAlpha, Indexed, Rgb, Rgba};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 
 /// An image of all that the formats can carry, with numbers that a
 /// 32-bit number holds.
@@ -168,8 +163,7 @@ fn a_flipped_bit_of_an_exr_file_is_refused_or_told() {
 
 #[test]
 fn a_float_map_holds_its_rows_from_the_bottom_up() {
-    let values = [0.75, 1., 1.5, 0., 0.25, 0.5];
-    let expected = pfm("Pf\n3 2\n-1.0\n", &values);
+    let expected = pfm("Pf\n3 2\n-1.0\n", &[0.75, 1., 1.5, 0., 0.25, 0.5]);
     assert_eq!(bytes(Format::Pfm, &image()), expected);
     let read = decode(&expected).unwrap();
     assert_eq!(read.means, image().means);
@@ -317,8 +311,7 @@ fn png(
     }
     let mut writer = encoder.write_header().unwrap();
     for (kind, data) in chunks {
-        let kind = png::chunk::ChunkType(**kind);
-        writer.write_chunk(kind, data).unwrap();
+        writer.write_chunk(png::chunk::ChunkType(**kind), data).unwrap();
     }
     writer.write_image_data(data).unwrap();
     writer.finish().unwrap();
@@ -462,8 +455,7 @@ fn foreign(channels: &[(&str, FlatSamples)]) -> Vec<u8> {
     let seed = ("other:seed".into(), AttributeValue::F32(7.));
     image.layer_data.attributes.other.extend([seed]);
     let mut bytes = vec![];
-    let out = Cursor::new(&mut bytes);
-    image.write().to_buffered(out).unwrap();
+    image.write().to_buffered(Cursor::new(&mut bytes)).unwrap();
     bytes
 }
 

@@ -4,23 +4,14 @@
 //! Gathering (chapters "Guiding" to "Training"): guides, the cache and its
 //! names, caches that lie, the errors that a gather states, and the command.
 
+use crate::prelude::*;
+
 use crate::bvh::apart;
 use crate::sampler::{assert_cosine, normals};
-use crate::{chance, common};
 
-use chance::Chance;
-use std::collections::BTreeMap;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::time::{Duration, Instant};
 
-use common::{BOX, Run, Scratch};
-use glam::DVec3;
 use litpt::analysis::LitView;
-use litpt::analysis::background::{KnownPixels, TileContent};
-use litpt::bvh::Isa;
-use litpt::camera::{Camera, View};
-use litpt::film::{Film, Tile, WORTH};
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{
     Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY, WHOLE,
@@ -29,22 +20,9 @@ use litpt::integrator::gather::guide::{
     BINS, Guide, SIDE, bin, direction, main_axis,
 };
 use litpt::integrator::gather::{Allocation, Correction, End};
-use litpt::materials::{FaceAlbedos, Named};
-use litpt::render::Renderer;
-use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
-use litpt::sampler::generator;
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
-use litpt::scene::{Mark, MarkKind, Mesh};
 use litpt::sensor::Sensor;
-use litpt::sky::Sky;
-use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::{
-    Setting, cavity, cavity_radiance, look, tracer,
-};
 use litpt_book::settings;
-use rand::{Rng, RngExt};
-use rand_pcg::Pcg64;
-use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 fn point(random: &mut impl Rng) -> [f64; 2] {

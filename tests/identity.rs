@@ -3,10 +3,8 @@
 
 //! The identity of a sample changes whenever a sample does.
 
-use crate::common;
+use crate::prelude::*;
 
-use common::{BOX, Scratch};
-use litpt::render::choose::{Method, Pixels, Sampling};
 use sha2::{Digest, Sha256};
 
 /// The identities, and the hash of the images below that belongs to each.
@@ -43,8 +41,7 @@ fn the_bits_of_samples_change_with_their_version_only() {
         ] {
             let method = format!("--integrator={method}");
             let format = ["-q", "-d7x5", "--format=pfm", &method];
-            let run = place.run(&[&format, options].concat());
-            run.succeeded();
+            let run = place.run(&[&format, options].concat()).succeeded();
             hash.update(&run.stdout);
         }
         let hash = hash.finalize();

@@ -4,16 +4,10 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::prelude::*;
+
 use crate::bvh::apart;
-use glam::DVec3;
-use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
-use litpt::numerics::cross;
-use litpt::sampler::cosine_direction;
-use litpt::scene::{Ray, Scene};
-use litpt_book::escapes::Inside;
-use litpt_book::solids::{self, Solid, rounded};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
+use litpt_book::solids::{Solid, rounded};
 use robust::{Coord3D, orient3d};
 
 #[test]

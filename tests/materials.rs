@@ -3,13 +3,12 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::common::Scratch;
+use crate::prelude::*;
+
 use crate::encodings::{gzip, utf_16, zstd};
 use crate::scene::Random;
 
-use litpt::materials::libraries;
 use litpt::scene::mtl::{Library, read_mtl};
-use litpt::scene::read_obj;
 
 /// The albedos of the materials T\u{f6}r and T\u{fc}r of a scene that begins with
 /// this line in Latin-1, and all that is told, without the folder.

@@ -3,21 +3,15 @@
 
 //! What the user of `pt` reads on standard error.
 
-use crate::common;
+use crate::prelude::*;
 
-use std::time::Duration;
-
-use litpt::bvh::Isa;
 use litpt::progress;
-
-use common::{ABOVE, BOX, Run, Running, Scratch, finish, skip};
 
 /// Runs a line of the shell, in which `$PT` is `pt`, on a terminal; its output
 /// and its messages come as one text. None where there is no program `script`
 /// to make a terminal.
 fn on_a_terminal(place: &Scratch, line: &str) -> Option<String> {
     let mut command = place.command("script");
-    command.env("PT", env!("CARGO_BIN_EXE_pt"));
     command.args(["-qec", line, "/dev/null"]);
     let Ok(child) = command.spawn() else {
         skip("there is no program script");
@@ -93,8 +87,7 @@ fn a_missed_target_is_said_and_ends_with_status_0() {
 fn a_pipe_gets_neither_colours_nor_a_bar_and_nothing_if_quiet() {
     let run = summary("-n2000");
     assert!(!run.stderr.contains(['\x1b', '\r', '%']), "{}", run.stderr);
-    let wrong = Scratch::new().line("-n0");
-    assert!(!wrong.stderr.contains('\x1b'));
+    assert!(!Scratch::new().line("-n0").stderr.contains('\x1b'));
     assert_eq!(summary("-q").stderr, "");
     assert_eq!(summary("--quiet -o image.png").stderr, "");
 }
@@ -139,8 +132,7 @@ fn a_bar_ends_with_the_run_that_a_signal_ends() {
     let run = format!(
         "{LONG} --time 60 & sleep 1; kill -TERM $!; wait $!; echo status $?"
     );
-    let run = on_a_terminal(&Scratch::new(), &run);
-    let Some(text) = run else { return };
+    let Some(text) = on_a_terminal(&Scratch::new(), &run) else { return };
     let (bars, rest) = text.split_once("stopped by a signal").unwrap();
     assert!(!percentages(bars).is_empty(), "{text:?}");
     assert!(percentages(rest).is_empty(), "{text:?}");
@@ -205,8 +197,7 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     assert!(text.contains("file      room.png"), "{text}");
     place.holds_only(&["room.png"]);
     let image = place.get("room.png");
-    let bright = "-d9x7 --format=png --exposure=auto";
-    assert!(image == place.render(bright));
+    assert!(image == place.render("-d9x7 --format=png --exposure=auto"));
     let again = run("-p0,0,0 -d9x7 room.obj").unwrap();
     assert!(again.contains("room.png: the file exists"), "{again}");
     // Nothing is written where nothing is rendered.
@@ -268,15 +259,13 @@ fn numbers_are_taken_as_people_write_them() {
     let place = Scratch::new();
     let image = |words: &[&str]| {
         let common = ["-iroom.obj", "-d8x6", "-n2", "--format=pfm"];
-        let run = place.run(&[&common, words].concat());
-        run.succeeded();
+        let run = place.run(&[&common, words].concat()).succeeded();
         run.stdout
     };
     let plain = image(&["-t1,2,3", "-r0.7", "--ground=0.2"]);
     assert_eq!(image(&["-t", "1, 2, 3", "-r70%", "--ground=20%"]), plain);
     place.put("m.mtl", "newmtl a\nKd 0.2 0.4 0.6\n");
-    let scene = format!("mtllib m.mtl\nusemtl a\n{}", common::ROOM);
-    place.put("m.obj", scene);
+    place.put("m.obj", format!("mtllib m.mtl\nusemtl a\n{ROOM}"));
     let band = image(&["-im.obj", "--band=r"]);
     assert_eq!(image(&["-im.obj", "--materials", "--band=r"]), band);
 }
@@ -326,12 +315,11 @@ fn an_axis_that_looks_up_is_told_where_nothing_else_says_it() {
         (floor, 1, "--zenith z", None),
         (floor, 1, "-u y", None),
         (walls, 1, "", None),
-        (common::BOX, 1, "", None),
+        (BOX, 1, "", None),
     ] {
         place.put("a.obj", turned(text, by));
-        let run =
-            place.free(&format!("a.obj -n1 -d8x6 -foa.png {options}"));
-        run.succeeded();
+        let line = format!("a.obj -n1 -d8x6 -foa.png {options}");
+        let run = place.free(&line).succeeded();
         let said = up.map(|up| format!("; but {up} looks up: -u {up}\n"));
         assert_eq!(run.stderr.contains("looks up"), said.is_some());
         assert!(run.stderr.contains(&said.unwrap_or_default()));

@@ -4,21 +4,12 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::common;
+use crate::prelude::*;
+
 #[path = "../book/src/programs/fuzz/mixtures.rs"]
 mod scales;
 
-use common::{Scratch, obj};
-use glam::DVec3;
-use litpt::bvh::{Bvh, Intersector, Isa, Quality};
-use litpt::camera::View;
-use litpt::film::{Film, Summary};
-use litpt::render::Renderer;
-use litpt::scene::{Mesh, Ray, Triangle};
-use litpt_book::closed_forms::{Setting, look};
-use litpt_book::escapes::{Inside, Outside};
-use litpt_book::solids;
-use rayon::prelude::*;
+use litpt_book::escapes::Outside;
 
 #[test]
 fn no_path_goes_through_a_closed_surface_over_a_large_plane() {
@@ -44,8 +35,7 @@ fn ball(reach: f64, x: f64) -> Mesh {
     let first = mesh.vertices.len() as u32;
     mesh.vertices.iter_mut().for_each(|v| *v += DVec3::new(x, 0., 1.));
     let signs = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)];
-    let corners = signs.map(|(x, y)| DVec3::new(x, y, 0.) * reach);
-    mesh.vertices.extend(corners);
+    mesh.vertices.extend(signs.map(|(x, y)| DVec3::new(x, y, 0.) * reach));
     let plane = [[0, 1, 2], [0, 2, 3]];
     mesh.triangles.extend(plane.map(|t| t.map(|i| first + i)));
     mesh

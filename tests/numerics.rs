@@ -3,14 +3,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::f64::consts::TAU;
-
-use glam::DVec3;
-use litpt::numerics::{
-    cross, exponent, normalise, power_of_two, shift, sincos_turns,
-};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
+use crate::prelude::*;
 
 #[test]
 fn circle_agrees_with_the_standard_library() {
@@ -66,8 +59,7 @@ fn normalised_vectors_have_their_direction_and_a_component_near_one() {
     for size in [1e-300, 1e-5, 1., -3., 1e300] {
         let u = DVec3::new(0.3, -1., 0.7) * size;
         let v = normalise(u);
-        let largest = v.abs().max_element();
-        assert!((1. ..2.).contains(&largest), "{size}: {v}");
+        assert!((1. ..2.).contains(&v.abs().max_element()), "{size}: {v}");
         // The factor is a power of two, which rounds nothing.
         let factor = v.y / u.y;
         assert!(factor > 0. && factor * u == v, "{size}: {v}");
@@ -84,6 +76,5 @@ fn nearly_parallel_vectors_have_an_accurate_cross_product() {
     let v = DVec3::new(1. + e, 1. - e, 1.);
     let w = DVec3::new(1. - e, 1. + e, 1.);
     // By hand: (vy wz - vz wy, ...) = (-2e, 2 * -e, (1+e)^2 - (1-e)^2).
-    let product = cross(v, w);
-    assert_eq!(product, DVec3::new(-2. * e, -2. * e, 4. * e));
+    assert_eq!(cross(v, w), DVec3::new(-2. * e, -2. * e, 4. * e));
 }

@@ -3,21 +3,12 @@
 
 //! The options of `pt`: defaults, forms, wrong values, help, reproducibility.
 
-use crate::common;
+use crate::prelude::*;
 
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
-use std::path::Path;
 
-use glam::DVec3;
-use litpt::bvh::Isa;
-use litpt::camera::{Camera, View, Viewpoint};
-use litpt::image::Image;
 use litpt::options::{Error, Options};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
-
-use common::{ABOVE, ROOM, Scratch, pgm};
 
 // ------------------------------------------------------- Words and options
 
@@ -213,8 +204,7 @@ fn of_an_option_given_twice_the_last_value_counts() {
         (&["-i-"], None),
         (&[], None),
     ] {
-        let scene = parsed(words);
-        assert_eq!(scene.scene_file(), name.map(AsRef::as_ref));
+        assert_eq!(parsed(words).scene_file(), name.map(AsRef::as_ref));
     }
 }
 
@@ -310,21 +300,12 @@ fn the_help_lists_every_option_with_its_default_and_the_licence() {
         let line = help.lines().find(found).expect(&option);
         assert!(line.contains(&default), "{line}");
     }
-    for text in [
-        "-f, --force",
-        "-q, --quiet",
-        "-h, --help",
-        "-V, --version",
-        "[default: standard input, as is -]",
-        "definition",
-        "realisations",
-        "reflectivity",
-        "Usage: pt",
-        "Exit status: 0",
-        "Copyright (C) 2026 litpt contributors",
-        "GNU GPL version 3 or later",
-        "NO WARRANTY",
-    ] {
+    let texts = "-f, --force|-q, --quiet|-h, --help|-V, --version|\
+                 [default: standard input, as is -]|definition|\
+                 realisations|reflectivity|Usage: pt|Exit status: 0|\
+                 Copyright (C) 2026 litpt contributors|\
+                 GNU GPL version 3 or later|NO WARRANTY";
+    for text in texts.split('|') {
         assert!(help.contains(text), "{text}");
     }
 }
@@ -361,7 +342,7 @@ fn instructions_are_told_and_change_no_image() {
     for isa in Isa::ALL {
         let run = place.line(&format!("-iroom.obj {small} --isa={isa}"));
         if isa.is_available() {
-            run.succeeded();
+            let run = run.succeeded();
             assert!(run.stdout == film, "{isa}");
             assert!(run.stderr.contains(&format!(", {isa})")), "{isa}");
         } else {
@@ -376,8 +357,7 @@ fn a_dash_is_standard_input_or_output() {
     let image = place.render("-d9x7 --format=pfm");
     for name in ["-i-", "-"] {
         let words = format!("-d9x7 -o - --format=pfm {name}");
-        let run = place.feed(ROOM.as_bytes(), &words);
-        run.succeeded();
+        let run = place.feed(ROOM.as_bytes(), &words).succeeded();
         assert!(run.stdout == image);
     }
     let report = place.line("-d9x7 -oa.pgm --report - room.obj").stdout;
@@ -399,8 +379,7 @@ fn a_dash_is_standard_input_or_output() {
     place.done("-d9x7 -s1 -otruth.pfm room.obj");
     let reference = "-d9x7 --reference=- -o- --format=pfm";
     let known = format!("{reference} room.obj");
-    let known = place.feed(&place.get("truth.pfm"), &known);
-    known.succeeded();
+    let known = place.feed(&place.get("truth.pfm"), &known).succeeded();
     assert!(known.stdout == image);
     let both = place.feed(ROOM.as_bytes(), reference);
     both.failed(1, &["standard input can be read once only"]);
@@ -416,8 +395,7 @@ fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
     };
     for view in ["", "--view top"] {
         let sky = "--sky overcast --ground 0.5";
-        let chosen = run(&format!("{sky} {view}"));
-        chosen.succeeded();
+        let chosen = run(&format!("{sky} {view}")).succeeded();
         let said = chosen.stderr.lines().next().unwrap();
         let (_, options) =
             said.split_once("the camera stands outside: ").unwrap();
@@ -429,8 +407,7 @@ fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
     // A reference of the view that is chosen shows the same.
     run("-oa.exr -s1").succeeded();
     run("--reference a.exr").succeeded();
-    let other = run("--reference a.exr -p0,0,0");
-    other.failed(1, &["a.exr", "position"]);
+    run("--reference a.exr -p0,0,0").failed(1, &["a.exr", "position"]);
 }
 
 const SIDES: [Viewpoint; 6] = {

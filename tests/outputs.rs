@@ -4,21 +4,12 @@
 //! Where `pt` puts the image, what its bytes are, and that no accident
 //! loses a file.
 
-use crate::common;
+use crate::prelude::*;
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufRead, BufReader, Cursor, Read, Write};
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Read};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
-use std::path::Path;
-use std::thread;
-use std::time::{Duration, SystemTime};
-
-use common::{
-    ROOM, Run, Running, Scratch, finish, keep_reading, outcome, pgm, skip,
-    spawn,
-};
-use litpt::image::{Format, Image};
 
 const SMALL: &str = "-iroom.obj -d9x7 -n2";
 
@@ -45,8 +36,7 @@ fn start_reading(place: &Scratch, arguments: &str) -> Running {
 }
 
 fn send_room(mut child: Running) -> Run {
-    let stdin = child.0.stdin.as_mut().unwrap();
-    stdin.write_all(ROOM.as_bytes()).unwrap();
+    child.0.stdin.as_mut().unwrap().write_all(ROOM.as_bytes()).unwrap();
     finish(child)
 }
 
@@ -204,8 +194,7 @@ fn a_device_needs_no_force_and_stays_a_device() {
         assert_eq!(place.get("a.pgm"), place.render(SMALL));
     }
     for path in [&null, &full] {
-        let kind = fs::metadata(path).unwrap().file_type();
-        assert!(kind.is_char_device());
+        assert!(fs::metadata(path).unwrap().file_type().is_char_device());
     }
     for words in [SMALL, "--help"] {
         let full = OpenOptions::new().write(true).open(&full);
@@ -237,11 +226,7 @@ fn shell(place: &Scratch, script: &str) -> Run {
         noisy() { "$PT" -q -p0,0,0 -i room.obj -d512x384 -n3 "$@"; }
         ptimg() { "$PTIMG" "$@"; }
     "#;
-    let mut command = place.command("sh");
-    command.env("PT", env!("CARGO_BIN_EXE_pt"));
-    command.env("PTIMG", env!("CARGO_BIN_EXE_ptimg"));
-    let script = [PROGRAMS, script].concat();
-    outcome(command.args(["-c", &script]))
+    place.shell(&[PROGRAMS, script].concat())
 }
 
 /// The shell's log keeps what is before the image and gets what is after.
@@ -298,21 +283,12 @@ fn a_closed_standard_output_is_an_error_if_it_is_wanted() {
                  pt -n2 --samples 0..1 -o a.litpt; \
                  pt -n2 --samples 1..2 -o b.litpt";
     shell(&place, files).succeeded();
-    for command in [
-        "pt",
-        "pt --format=exr -o -",
-        "pt -o /dev/stdout",
-        "pt --explain",
-        "pt --help",
-        "pt --version",
-        "pt -o c.pgm --report -",
-        "ptimg --help",
-        "ptimg info a.exr",
-        "ptimg tonemap a.exr -o -",
-        "ptimg stderr a.exr -fo c.pgm",
-        "ptimg merge a.litpt b.litpt -o -",
-        "ptimg diff a.exr b.exr",
-    ] {
+    let wanted = "pt|pt --format=exr -o -|pt -o /dev/stdout|pt --explain|\
+                  pt --help|pt --version|pt -o c.pgm --report -|\
+                  ptimg --help|ptimg info a.exr|ptimg tonemap a.exr -o -|\
+                  ptimg stderr a.exr -fo c.pgm|ptimg diff a.exr b.exr|\
+                  ptimg merge a.litpt b.litpt -o -";
+    for command in wanted.split('|') {
         for others in ["", "<&-", "2>err <&-"] {
             let run = shell(&place, &format!("{command} >&- {others}"));
             assert!(run.status > Some(0), "{command}: {}", run.stderr);
@@ -421,8 +397,7 @@ fn the_rows_go_from_top_to_bottom_and_from_left_to_right() {
     // A wall hides the sky on the left, the ground on the right is dark.
     let wall = "v -9 1 -9\nv 0 1 -9\nv 0 1 9\nv -9 1 9\nf 1 2 3 4\n";
     let view = "-d2x2 -F20 -n4 -r0 -t0,9,0";
-    let run = Scratch::new().feed(wall.as_bytes(), view);
-    run.succeeded();
+    let run = Scratch::new().feed(wall.as_bytes(), view).succeeded();
     let levels = pgm(&run.stdout).2;
     let dark = levels.iter().filter(|level| **level == 0).count();
     assert!(levels[1] >= 254 && dark == 3, "{levels:?}");

@@ -4,17 +4,10 @@
 //! A filtered picture is as wrong as it says, and is the same however it was
 //! made (chapter "A picture for looking").
 
-use crate::common;
+use crate::prelude::*;
 
 use crate::ptimg::pixels;
-use common::{Run, Scratch};
-use glam::DVec3;
-use litpt::film::{Film, FilmTile, Window, add_value};
 use litpt::filter::{Filtered, FirstHits};
-use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::{Setting, cavity, look};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 
 const SIDE: u32 = 96;
 
@@ -261,8 +254,7 @@ fn a_merge_says_that_its_picture_is_not_filtered() {
 fn automatic_exposure_has_one_definition() {
     let place = Scratch::new();
     let stops = |run: Run| {
-        run.succeeded();
-        let text = run.stderr;
+        let text = run.succeeded().stderr;
         let line = text.lines().find(|line| line.contains("exposure"));
         let words = line.expect(&text).split_whitespace();
         let number = words.map(str::parse::<f64>).find_map(Result::ok);

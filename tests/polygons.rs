@@ -3,16 +3,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::collections::BTreeMap;
-use std::f64::consts::TAU;
-use std::time::Instant;
-
-use glam::DVec3;
-use litpt::bvh::{Bvh, Intersector};
-use litpt::numerics::cross;
-use litpt::scene::{Mesh, Ray, Scene, read_file, read_obj};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
+use crate::prelude::*;
 
 /// The OBJ of one face with these corners.
 pub fn face(corners: &[DVec3]) -> String {
@@ -298,8 +289,7 @@ fn odd_faces_are_counted_with_the_line_of_the_first() {
     assert_eq!(found.unwrap(), words);
     let pentagram = "v 0 3 0\nv 2 -3 0\nv -3 1 0\nv 3 1 0\nv -2 -3 0\n\
                      f 1 2 3 4 5\n";
-    let mesh = read_obj(pentagram.as_bytes()).unwrap();
-    assert_eq!(mesh.triangles, fan(5));
+    assert_eq!(read_obj(pentagram.as_bytes()).unwrap().triangles, fan(5));
     let found = warning(pentagram).unwrap();
     assert!(found.starts_with("x:6: the first of 1 odd faces, "));
 }

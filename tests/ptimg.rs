@@ -4,18 +4,10 @@
 //! The command `ptimg`: what it answers, and how it ends (chapter "The
 //! companion ptimg").
 
-use crate::common;
+use crate::prelude::*;
 
-use std::io::Cursor;
-
-use common::{Scratch, feed, pgm};
 use exr::math::Vec2;
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
-use litpt::image::{Format, Image, OPACITY, luminance};
-use litpt::output::{OutputTarget, format_of};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
-use serde_json::{Value, json};
 
 /// What is said on standard output by a run that ends with `status` and
 /// without a warning.
@@ -194,8 +186,7 @@ fn a_diff_answers_by_its_status_and_in_words() {
         assert!(words.iter().all(|words| text.contains(words)), "{text}");
         let last = text.lines().last().unwrap();
         assert!(last.contains(words[words.len() - 1]), "{last}");
-        let quiet = format!("diff -q {a} {b}");
-        assert_eq!(said(&place, &quiet, status), "");
+        assert_eq!(said(&place, &format!("diff -q {a} {b}"), status), "");
     }
 }
 
@@ -222,7 +213,7 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
 #[test]
 fn images_of_different_things_are_named_as_such() {
     let place = Scratch::new();
-    place.put("room2.obj", common::ROOM.replace("v 5 5", "v 4 4"));
+    place.put("room2.obj", ROOM.replace("v 5 5", "v 4 4"));
     let render = |options: &str| place.line(&format!("-n16 -qf {options}"));
     render("-iroom.obj -d40x30 -r0.7 -s1 -oone.exr").succeeded();
     let two = "-iroom2.obj -d48x36 --crop=4,3,40x30 -p0,0,0.5 -t0,1,0.1 \
@@ -285,8 +276,7 @@ fn a_dash_is_standard_input_whatever_its_format() {
     let run = |input: &[u8], line: &str| feed(place.companion(line), input);
     for name in ["a.exr", "a.pfm", "a.png", "a.pgm"] {
         write(&place, name, &image);
-        let info = run(&place.get(name), "info -");
-        info.succeeded();
+        let info = run(&place.get(name), "info -").succeeded();
         let told = info.stdout.starts_with(b"file: -\nwidth: 40\n");
         assert!(told, "{info:?}");
         let status = run(&place.get(name), "diff -q a.exr -").status;
@@ -313,14 +303,13 @@ fn a_dash_is_standard_output_in_the_format_asked_for() {
             let file = format!("file.{format}");
             place.ptimg(&format!("{verb} -f -o {file}")).succeeded();
             let piped = place.ptimg(&format!("{verb} -o- {option}"));
-            piped.succeeded();
-            assert_eq!(piped.stdout, place.get(&file), "{verb}");
+            let piped = piped.succeeded().stdout;
+            assert_eq!(piped, place.get(&file), "{verb}");
         }
     }
     assert!(!place.path("-").exists());
     // The report of a merge names the program that wrote it.
-    let merge = "merge a.litpt b.litpt -om.exr --report m.json";
-    said(&place, merge, 0);
+    said(&place, "merge a.litpt b.litpt -om.exr --report m.json", 0);
     let program = format!("ptimg {}", env!("CARGO_PKG_VERSION"));
     assert_eq!(place.json("m.json")["program"], program);
     let shown = place.ptimg("stderr a.exr -o -");
@@ -355,8 +344,7 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
         ("diff d.exr d.exr", window, "identical"),
         ("tonemap d.exr -od.pgm", window, ""),
     ] {
-        let run = place.ptimg(arguments);
-        run.succeeded();
+        let run = place.ptimg(arguments).succeeded();
         let warning = format!("warning: {warning}");
         assert!(run.stderr.starts_with(&warning), "{}", run.stderr);
         let text = run.text();
@@ -378,8 +366,7 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
 #[test]
 fn an_image_for_the_screen_has_the_levels_of_pt() {
     let place = Scratch::new();
-    let image = put(&place, "a.exr", 1, 0.5);
-    write(&place, "direct.png", &image);
+    write(&place, "direct.png", &put(&place, "a.exr", 1, 0.5));
     let tonemap =
         |more: &str| place.ptimg(&format!("tonemap a.exr -f -o {more}"));
     tonemap("t.png").succeeded();
@@ -431,8 +418,7 @@ fn three_bands_make_a_colour_image() {
     rgb("-oa.png").succeeded();
     let (kind, clear) = pixels(&place, "a.png");
     assert_eq!(kind, png::ColorType::Rgba);
-    let colours = clear.chunks(8).flat_map(|pixel| &pixel[..6]);
-    assert!(colours.eq(&levels));
+    assert!(clear.chunks(8).flat_map(|pixel| &pixel[..6]).eq(&levels));
     // A brighter picture, and what is refused.
     assert!(rgb("-e auto -od.png").stderr.contains("stops"));
     rgb("-oc.pgm").failed(1, &[".png or .exr"]);
@@ -465,8 +451,7 @@ fn the_image_of_the_errors_says_what_white_is() {
     let shown = said(&place, "stderr a.exr -r -o r.pgm", 0);
     assert!(shown.starts_with("white is a relative"), "{shown:?}");
     write(&place, "b.exr", &Image { errors: None, ..image });
-    let nothing = place.ptimg("stderr b.exr -o n.pgm");
-    nothing.failed(1, &["b.exr", "stderr.Y"]);
+    place.ptimg("stderr b.exr -o n.pgm").failed(1, &["b.exr", "stderr.Y"]);
     assert!(!place.path("n.pgm").exists());
 }
 

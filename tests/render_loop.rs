@@ -4,20 +4,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::sync::LazyLock;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::time::{Duration, Instant};
+use crate::prelude::*;
 
-use glam::DVec3;
-use litpt::bvh::{Hit, Intersector};
-use litpt::film::{Film, FilmTile, Summary, WORTH, Watch};
-use litpt::integrator::{Integrator, PathEvent};
-use litpt::render::{Job, Renderer};
-use litpt::render_loop::{Convergence, Limits, Stop};
-use litpt::sampler::Sampler;
-use litpt::scene::Ray;
-use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::{Setting, cavity, look};
+use std::sync::LazyLock;
 
 /// An intersector that finds nothing, for estimators that need nothing.
 struct Nothing;
@@ -97,6 +86,13 @@ fn run<K: Intersector, E: Integrator>(
     let mut convergence = Convergence::default();
     let stop = go_on(job, &mut convergence, &mut film, limits);
     (convergence, film, stop)
+}
+
+/// A watch that lets work go on so many times.
+pub fn watch_of(calls: u64) -> impl Fn(u64) -> bool + Sync {
+    let left = AtomicU64::new(calls);
+    let less = |n: u64| n.checked_sub(1);
+    move |_| left.fetch_update(Relaxed, Relaxed, less).is_ok()
 }
 
 /// Does some work on so many threads.
@@ -445,12 +441,7 @@ fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
     let size = (600, 500);
     // A pass that is cut off in its middle, and what a checkpoint keeps.
     let mut film = Film::new(size.0, size.1);
-    let left = AtomicU64::new(500);
-    let watch = |_| {
-        let less = |n: u64| n.checked_sub(1);
-        left.fetch_update(Relaxed, Relaxed, less).is_ok()
-    };
-    let rays = job.pass(&mut film, 3, &watch);
+    let rays = job.pass(&mut film, 3, &watch_of(500));
     assert_eq!(film.samples(), 0);
     assert!(film.rows().any(|pixel| pixel.count() == 3));
     let mut convergence = Convergence::default();

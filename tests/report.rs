@@ -4,19 +4,15 @@
 //! Reports: what each kind holds, at every moment of a run, and that nobody
 //! can smuggle anything into them.
 
+use crate::prelude::*;
+
 use crate::outputs::png;
 
-use std::path::Path;
-
 use base64::prelude::{BASE64_STANDARD, Engine};
-use litpt::image::Image;
-use litpt::render_loop::{Convergence, CurvePoint, Stop};
-use litpt::report::{Kind, Report, SceneFile, slope};
 use roxmltree::{Document, Node};
-use serde_json::{Value, json};
 
 /// A point of the curve of a run whose error falls as theory wants.
-fn point(spp: u64) -> CurvePoint {
+pub fn point(spp: u64) -> CurvePoint {
     let n = spp as f64;
     let error = (spp > 1).then_some(0.4 / n.sqrt());
     CurvePoint {
@@ -179,8 +175,7 @@ fn every_kind_is_valid_at_every_moment_of_a_run() {
     let all = ordinary().convergence.curve;
     for n in 0..=all.len() {
         let report = report(all[..n].to_vec());
-        let json = json_of(&report);
-        assert_eq!(json["curve"].as_array().unwrap().len(), n);
+        assert_eq!(json_of(&report)["curve"].as_array().unwrap().len(), n);
         let csv = Kind::Csv.render(&report, &|| image(12, 8));
         assert_eq!(csv.lines().count(), n + 1);
         let html = as_xml(&html_of(&report));
@@ -316,8 +311,7 @@ fn every_decade_of_either_axis_has_its_label() {
             });
             let ends = exponents.iter().position(|&n| n == -1);
             assert!(ends.is_some(), "0.1 to 1 for an error of 0.2");
-            let first = first.log10().floor() as i32;
-            assert_eq!(exponents[0], first);
+            assert_eq!(exponents[0], first.log10().floor() as i32);
             let rising = |w: &&[i32]| w[1] == w[0] + 1;
             let breaks = exponents.windows(2).filter(|w| !rising(w));
             assert!(breaks.count() <= 1, "{exponents:?}");
@@ -354,8 +348,7 @@ fn hostile_names_stay_names() {
     for tag in ["script", "b", "i", "u"] {
         assert_eq!(named(&html, tag).count(), 0, "{tag}");
     }
-    let heading = named(&html, "h1").next().unwrap();
-    assert_eq!(heading.text(), Some(&shown[..]));
+    assert_eq!(named(&html, "h1").next().unwrap().text(), Some(&shown[..]));
     assert!(words(&html).contains("</td><script>"));
     assert_eq!(json_of(&report)["scene"]["file"], name);
 }
@@ -375,8 +368,7 @@ fn the_page_needs_nothing_from_outside() {
     let inline = |at: &&str| at.starts_with("data:image/png;base64,");
     assert_eq!(sources.iter().filter(|at| inline(at)).count(), 2);
     assert_eq!(sources.len(), 2);
-    let root = page.root_element();
-    assert_eq!(root.attribute("lang"), Some("en-GB"));
+    assert_eq!(page.root_element().attribute("lang"), Some("en-GB"));
     assert!(named(&page, "img").all(|n| n.attribute("alt").is_some()));
     let mut drawings = named(&page, "svg").filter(outermost);
     assert!(drawings.all(|n| n.has_attribute("aria-label")));
@@ -467,8 +459,7 @@ fn a_large_image_is_averaged_as_radiance() {
         errors: Some(vec![0.5; 2000 * 7]),
         ..Image::plain(2000, 7, means.clone().collect())
     };
-    let page = Kind::Html.render(&ordinary(), &image);
-    let shown = images(&page);
+    let shown = images(&Kind::Html.render(&ordinary(), &image));
     // Squares of 3 by 3; the last column and row hold less.
     assert_eq!((shown[0].0, shown[0].1), (667, 3));
     // A third of the pixels are 1: the level of 1/3 is 40140.

@@ -4,20 +4,9 @@
 //! The limits of a run, its reports, its reference and its formats, and
 //! what signals and full disks do to it.
 
-use crate::common;
+use crate::prelude::*;
 
-use std::time::{Duration, Instant};
-use std::{env, fs, thread};
-
-use common::{
-    BOX, Run, Running, Scratch, finish, is_running, outcome, signal, skip,
-    spawn, wait_until,
-};
-use litpt::film::Film;
-use litpt::image::Image;
-use litpt::render_loop::Convergence;
-use litpt::report::Report;
-use serde_json::{Value, json};
+use std::env;
 
 const SCENE: &str = "-iroom.obj -d23x17 -r0.7 --integrator=reference";
 
@@ -175,10 +164,23 @@ fn a_signal_ends_the_run_with_its_image_and_report() {
         let most = counts.unwrap().into_iter().fold(0., f64::max) as u64;
         assert!((spp(&report)..1_000_000_000).contains(&most));
         let n = format!("-n{} --format=pfm", most + 3);
-        let on = pt(&place, &format!("--resume=c {n}"));
-        on.succeeded();
+        let on = pt(&place, &format!("--resume=c {n}")).succeeded();
         assert!(on.stdout == pt(&place, &n).stdout);
     }
+}
+
+/// Does something again and again until a run ends, within so many seconds.
+fn until_the_end(
+    mut child: Running,
+    seconds: u64,
+    again: impl Fn(&Running),
+) -> Run {
+    let start = Instant::now();
+    while child.0.try_wait().unwrap().is_none() {
+        again(&child);
+        assert!(start.elapsed() < Duration::from_secs(seconds));
+    }
+    finish(child)
 }
 
 /// Whether a program on Linux catches all signals that end a run.
@@ -215,17 +217,13 @@ fn slow_to_write(place: &Scratch) -> Option<Running> {
 #[test]
 fn a_warning_may_come_again_and_is_not_the_first_of_two_signals() {
     let place = Scratch::new();
-    let Some(mut child) = slow_to_write(&place) else { return };
+    let Some(child) = slow_to_write(&place) else { return };
     for name in ["USR1", "TERM"] {
         signal(name, &child);
         thread::sleep(Duration::from_millis(200));
     }
-    let start = Instant::now();
-    while child.0.try_wait().unwrap().is_none() {
-        signal("XCPU", &child);
-        assert!(start.elapsed() < Duration::from_secs(60));
-    }
-    let status = finish(child).status.unwrap();
+    let run = until_the_end(child, 60, |child| signal("XCPU", child));
+    let status = run.status.unwrap();
     assert!([138, 143, 152].contains(&status), "{status}");
     place.image("a.exr");
     assert_eq!(place.json("r.json")["stopped"], "signal");
@@ -241,14 +239,10 @@ fn a_second_signal_ends_the_program_at_once() {
         ("TERM", "TERM", [143, 143]),
         ("INT", "TERM", [130, 143]),
     ] {
-        let Some(mut child) = slow_to_write(&place) else { return };
+        let Some(child) = slow_to_write(&place) else { return };
         signal(first, &child);
-        let start = Instant::now();
-        while child.0.try_wait().unwrap().is_none() {
-            signal(second, &child);
-            assert!(start.elapsed() < Duration::from_secs(30));
-        }
-        let status = finish(child).status.unwrap();
+        let run = until_the_end(child, 30, |child| signal(second, child));
+        let status = run.status.unwrap();
         assert!(ends.contains(&status), "{status}");
         // Where the second signal arrives while files are written, each of
         // them is whole, or has a name that only we use.
@@ -321,15 +315,11 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
 fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
     let place = Scratch::new();
     let command = place.pt(&format!("{FILES} --checkpoint=c"));
-    let mut child = common::keep_reading(command);
+    let child = keep_reading(command);
     signal("TERM", &child);
-    let start = Instant::now();
     // The pipe stays open: nothing but the signal ends the program.
-    while child.0.try_wait().unwrap().is_none() {
-        assert!(start.elapsed() < Duration::from_secs(30));
-        thread::sleep(Duration::from_millis(1));
-    }
-    let run = finish(child);
+    let wait = |_: &_| thread::sleep(Duration::from_millis(1));
+    let run = until_the_end(child, 30, wait);
     let line = "error: no image: signal 15 came while reading\n";
     assert_eq!((run.status, run.stderr.as_str()), (Some(143), line));
     place.holds_only(&[]);
@@ -358,9 +348,7 @@ fn runs_heed_the_signals_that_their_test_ignores() {
     let mut command = place.command("sh");
     command.args(["-c", "trap '' HUP INT QUIT; exec \"$@\"", "sh"]);
     command.arg(env::current_exe().unwrap()).args(["--exact", test]);
-    let run = outcome(&mut command);
-    run.succeeded();
-    assert!(run.text().contains("1 passed"));
+    assert!(outcome(&mut command).succeeded().text().contains("1 passed"));
 }
 
 /// Whether its guard ends it, or the system, which does so whatever happens
@@ -426,7 +414,7 @@ fn no_file_may_serve_two_purposes() {
         pt(&place, &format!("-f -oa.pgm {output}"))
             .failed(1, &["named twice"]);
     }
-    assert_eq!(place.text("room.obj"), common::ROOM);
+    assert_eq!(place.text("room.obj"), ROOM);
     place.holds_only(&["link.pgm"]);
 }
 
@@ -474,8 +462,7 @@ fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
     // A checkpoint that was there before stays as it is.
     place.done(&format!("{scene} -n2 -ob.pgm --checkpoint=c"));
     let old = place.get("c");
-    let resume = format!("{run} -f --resume=c");
-    warned(&place.within("-f 64", &resume), &["c"]);
+    warned(&place.within("-f 64", &format!("{run} -f --resume=c")), &["c"]);
     assert_eq!(place.get("c"), old);
     assert_eq!(place.get("a.pgm"), whole);
     place.holds_only(&["a.pgm", "b.pgm", "c", "r.json"]);
@@ -610,8 +597,7 @@ fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
     let run = "-iroom.obj -d9x7 --checkpoint=c";
     place.done(&format!("{run} -n5"));
     for (n, enough) in [("", true), ("-n4", true), ("-n6", false)] {
-        let again = place.done(&format!("{run} --resume=c {n}"));
-        let said = again.stderr;
+        let said = place.done(&format!("{run} --resume=c {n}")).stderr;
         assert_eq!(said.contains("c: holds 5"), enough, "{said}");
         assert_eq!(said.contains("holds"), enough, "{said}");
     }
@@ -628,8 +614,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
     convergence.seconds = 0.5;
     let before = Report { convergence, ..Report::default() };
     let report = before.complete(&film);
-    let lines = report.summary(2);
-    assert!(lines.iter().all(|(name, _)| *name != "pixels"));
+    assert!(report.summary(2).iter().all(|(name, _)| *name != "pixels"));
     let Report { convergence, .. } = report;
     assert!(before.convergence.curve.is_empty());
     let last = convergence.last();
@@ -647,8 +632,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
 #[test]
 fn a_preview_grows_while_the_image_is_rendered() {
     let place = Scratch::new();
-    let files = "--preview -oa.png -oa.pfm -n1000000000";
-    let mut child = begin(&place, files);
+    let mut child = begin(&place, "--preview -oa.png -oa.pfm -n1000000000");
     let path = place.path("a.png");
     wait_until(&mut child, "preview", || path.exists());
     let whole = |png: &[u8]| png.ends_with(b"IEND\xae\x42\x60\x82");
@@ -667,8 +651,7 @@ fn a_signal_is_answered() {
     // To summarise so many pixels takes longer than to answer.
     let words = format!("{SCENE} {FILES} -n1000000000 -d1500x1500");
     let mut child = spawn(&mut place.pt(&words));
-    let started = || place.path("r.json").exists();
-    wait_until(&mut child, "report", started);
+    wait_until(&mut child, "report", || place.path("r.json").exists());
     signal("INT", &child);
     let run = finish(child);
     let answer = "> finishing; a second signal aborts";

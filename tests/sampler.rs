@@ -3,18 +3,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::chance;
+use crate::prelude::*;
 
-use chance::Chance;
-use std::f64::consts::TAU;
-
-use glam::{DVec3, Vec3Swizzles};
-use litpt::sampler::{
-    IndependentSampler, Sampler, cosine_direction, dimension, generator,
-    within,
-};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
+use glam::Vec3Swizzles;
 
 /// Samples for each test of a distribution.
 const SAMPLES: u32 = 1_000_000;

@@ -4,23 +4,11 @@
 //! Values at points, vertices and on faces, under both skies and above a
 //! ground, with materials; and their tables.
 
-use crate::chance::Chance;
-use crate::common::{BOX, Scratch, obj};
+use crate::prelude::*;
 
-use std::f64::consts::PI;
 use std::fmt::Write;
 
-use glam::DVec3;
-use litpt::bvh::{Bvh, GROUND, Intersector, NONE};
-use litpt::film::{Film, WORTH, Window};
-use litpt::materials::{FaceAlbedos, Named};
-use litpt::sampler::generator;
-use litpt::scene::{MarkKind, Mesh, Ray, Scene, read_obj};
 use litpt::sensor::read_points;
-use litpt::sky::{Cover, Sky};
-use litpt_book::closed_forms::{cavity, polygon_share};
-use rand::RngExt;
-use serde_json::Value;
 
 #[allow(dead_code)]
 #[path = "../examples/occlusion.rs"]
@@ -28,8 +16,7 @@ mod occlusion;
 
 /// The columns value and error of a CSV, and its head.
 fn values(csv: &[u8]) -> (String, Vec<[f64; 2]>) {
-    let text = str::from_utf8(csv).unwrap();
-    let mut lines = text.lines();
+    let mut lines = str::from_utf8(csv).unwrap().lines();
     let head = lines.next().unwrap().to_owned();
     let at = head.split(',').position(|name| name == "value").unwrap();
     assert!(head[..].contains(",value,stderr,samples,"));
@@ -38,6 +25,12 @@ fn values(csv: &[u8]) -> (String, Vec<[f64; 2]>) {
         [words[at], words[at + 1]].map(|word| word.parse().unwrap())
     };
     (head, lines.map(value).collect())
+}
+
+/// The table of a run.
+#[track_caller]
+fn table(place: &Scratch, line: &str) -> (String, Vec<[f64; 2]>) {
+    values(&place.free(line).succeeded().stdout)
 }
 
 /// A triangle that hardly anything sees.
@@ -92,19 +85,15 @@ fn points_in_the_open_get_what_sky_and_ground_give() {
         ("--ground=1 --sky=overcast", Cover::Overcast, 1.),
     ] {
         for method in ["reference", "sobol", "gather"] {
-            let run = place.free(&format!(
-                "speck.obj --points=points.txt -n1024 -r0.5 \
-                 --integrator={method} {options}"
-            ));
-            run.succeeded();
-            let (head, found) = values(&run.stdout);
+            let line = "speck.obj --points=points.txt -n1024 -r0.5";
+            let line = format!("{line} --integrator={method} {options}");
+            let (head, found) = table(&place, &line);
             assert!(head.starts_with("x,y,z,nx,ny,nz,value,"));
             assert_eq!(found.len(), 12);
             let sky = Sky::with(DVec3::Z, cover);
             for (value, normal) in found.into_iter().zip(normals()) {
                 let from_below = ground * (0.5 - 0.5 * normal.z);
-                let exact = sky.share(normal) + from_below;
-                chance.judge(value, exact, 16.);
+                chance.judge(value, sky.share(normal) + from_below, 16.);
             }
         }
     }
@@ -121,8 +110,7 @@ fn painted_sphere(place: &Scratch) -> [f64; 2] {
     };
     let mut text = String::from("mtllib paint.mtl\n");
     let mut area = [0., 0.];
-    let whole = obj(&Mesh { triangles: vec![], ..mesh.clone() });
-    text += &whole;
+    text += &obj(&Mesh { triangles: vec![], ..mesh.clone() });
     for is_right in [false, true] {
         text += if is_right { "usemtl dark\n" } else { "usemtl light\n" };
         for c in mesh.triangles.iter().filter(|c| side(c) == is_right) {
@@ -156,11 +144,9 @@ fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
         let reflected = 0.9 * parts[0] + dark * parts[1];
         let exact = 0.2 / (1. - reflected);
         for method in ["reference", "sobol", "gather"] {
-            let run = place.free(&format!(
-                "sphere.obj --points=point.csv -n4096 {options} \
-                 --integrator={method} --sky=uniform"
-            ));
-            run.succeeded();
+            let line = "sphere.obj --points=point.csv -n4096 --sky=uniform";
+            let line = format!("{line} {options} --integrator={method}");
+            let run = place.free(&line).succeeded();
             assert_eq!(run.stderr.matches("warning").count(), 0);
             let (_, found) = values(&run.stdout);
             // Half of the walls that the point sees are dark.
@@ -195,8 +181,7 @@ fn a_face_sees_the_sky_beside_an_opposite_wall() {
         "v 0 0 0\nv 0 1 0\nv 0 1 1\nv 0 0 1\nf 1 2 3 4\n\
          v 2 -40 0\nv 2 40 0\nv 2 40 3\nv 2 -40 3\nf 5 6 7 8\nf 1 1 2\n",
     );
-    let run = place.free("street.obj --faces=both -r0 -n4096");
-    run.succeeded();
+    let run = place.free("street.obj --faces=both -r0 -n4096").succeeded();
     assert!(run.stderr.contains(
         "no value for 2 of 6 faces: without area: 2, the first 3"
     ));
@@ -253,11 +238,9 @@ fn a_vertex_gets_the_light_around_the_normal_between_its_faces() {
     ] {
         place.put("a.obj", text);
         for method in ["reference", "sobol", "gather"] {
-            let run = place.free(&format!(
-                "a.obj --vertices -r0 -n4096 --integrator={method} -f \
-                 -oa.csv -ob.obj"
-            ));
-            run.succeeded();
+            let line = "a.obj --vertices -r0 -n4096 -f -oa.csv -ob.obj";
+            let line = format!("{line} --integrator={method}");
+            place.free(&line).succeeded();
             let (head, found) = values(&place.get("a.csv"));
             assert!(head.starts_with("vertex,x,y,z,value,"));
             for (i, &exact) in exact.iter().enumerate() {
@@ -278,8 +261,8 @@ fn what_has_no_value_is_counted_and_named() {
         "# a grid\n0 0 -1 0 0 1\n0 0 0 0 0 0\n1 4 0 0 0 1\n1e300 0 0 0 0 1\n\
          1,1,-1;\t0 0 1\n",
     );
-    let run = place.free("room.obj --points points.txt -n64 -r0.5");
-    run.succeeded();
+    let line = "room.obj --points points.txt -n64 -r0.5";
+    let run = place.free(line).succeeded();
     let (_, found) = values(&run.stdout);
     let is_known: Vec<bool> =
         found.iter().map(|[value, _]| value.is_finite()).collect();
@@ -324,8 +307,8 @@ fn receivers_have_tables_and_no_images() {
         assert!(run.status.is_some_and(|status| status > 0), "{line}");
         assert!(run.stderr.contains(fault), "{line}: {}", run.stderr);
     }
-    let run = place.free("room.obj --points p.txt -n64 -o a.ply -o a.csv");
-    run.succeeded();
+    let line = "room.obj --points p.txt -n64 -o a.ply -o a.csv";
+    place.free(line).succeeded();
     let ply = place.get("a.ply");
     let end = b"end_header\n";
     let body = ply.windows(end.len()).position(|w| w == end).unwrap();
@@ -335,12 +318,11 @@ fn receivers_have_tables_and_no_images() {
     let (_, found) = values(&place.get("a.csv"));
     let value = f32::from_le_bytes(body[36..40].try_into().unwrap());
     assert_eq!(f64::from(value) as f32, found[0][0] as f32);
-    let run = place.free("room.obj --faces=both -n64 -o b.ply");
-    run.succeeded();
-    let text = place.get("b.ply");
-    let text = String::from_utf8_lossy(&text);
-    assert!(text.contains("element vertex 36\n"));
-    assert!(text.contains("element face 12\n"));
+    place.free("room.obj --faces=both -n64 -o b.ply").succeeded();
+    let ply = place.get("b.ply");
+    let ply = String::from_utf8_lossy(&ply);
+    assert!(ply.contains("element vertex 36\n"));
+    assert!(ply.contains("element face 12\n"));
 }
 
 // A sky on all sides: what is open of the hemisphere of a receiver, and 1
@@ -349,36 +331,29 @@ fn receivers_have_tables_and_no_images() {
 fn under_a_whole_sphere_a_vertex_has_what_its_occlusion_leaves() {
     let place = Scratch::new();
     let chance = &mut Chance::default();
-    let value = |row: &str, columns: usize| -> [f64; 2] {
-        let row = row.split(',').skip(columns).take(2);
-        row.map(|word| word.parse().unwrap()).collect::<Vec<_>>()[..]
-            .try_into()
-            .unwrap()
-    };
     let rows = |options: &str| {
-        let run = place.free(&format!("{options} --sky sphere -o -"));
-        run.succeeded();
-        run.text().lines().skip(1).map(str::to_owned).collect::<Vec<_>>()
+        table(&place, &format!("{options} --sky sphere -o -")).1
     };
     // The corners of a box see all of their hemispheres, also those below.
     place.put("box.obj", BOX.replacen("f 1 2 3 4", "f 4 3 2 1", 1));
     let corners = rows("box.obj --vertices -r0 -n16");
     assert_eq!(corners.len(), 8);
-    assert!(corners.iter().all(|row| value(row, 4) == [1., 0.]));
+    assert!(corners.iter().all(|&value| value == [1., 0.]));
     // Of two planes at a right angle, the edge sees 45 degrees on each side
     // of its normal: the sine of that, but for the ends at a thousandth.
     let valley = "v 0 -1e3 0\nv 0 0 0\nv 0 1e3 0\nv 1e3 -1e3 0\n\
         v 1e3 1e3 0\nv 0 -1e3 1e3\nv 0 1e3 1e3\n\
         f 2 1 4\nf 2 4 5\nf 2 5 3\nf 2 6 1\nf 2 7 6\nf 2 3 7\n";
     place.put("valley.obj", valley);
-    let edge = value(&rows("valley.obj --vertices -r0 -n4096")[1], 4);
+    let edge = rows("valley.obj --vertices -r0 -n4096")[1];
     chance.judge([edge[0], edge[1].hypot(1e-3)], 0.5f64.sqrt(), 16.);
     // White surfaces: light of radiance 1 goes everywhere, with every method.
     place.put("p.txt", "0 1 0 0 0 1\n0 1 0 1 2 -3\n0 3 -0.5 0 0 -1\n");
     for method in ["reference", "sobol", "gather"] {
         let method = format!("--integrator={method}");
-        for row in rows(&format!("room.obj --points p.txt -n64 {method}")) {
-            chance.judge(value(&row, 6), 1., 16.);
+        for value in rows(&format!("room.obj --points p.txt -n64 {method}"))
+        {
+            chance.judge(value, 1., 16.);
         }
     }
     // The example traces the same rays by itself.
@@ -386,8 +361,7 @@ fn under_a_whole_sphere_a_vertex_has_what_its_occlusion_leaves() {
     place.put("cavity.obj", obj(&mesh));
     let ours = rows("cavity.obj --vertices -r0 -n256");
     let theirs = occlusion::openness(&mesh).unwrap();
-    for (row, theirs) in ours.iter().zip(theirs) {
-        let [value, error] = value(row, 4);
+    for ([value, error], theirs) in ours.into_iter().zip(theirs) {
         // Its 256 directions are a net, which errs less than chance would.
         let theirs_error = (theirs * (1. - theirs) / 256.).sqrt();
         chance.judge([value, error.hypot(theirs_error)], theirs, 16.);
@@ -464,7 +438,7 @@ fn the_samples_of_a_gather_are_those_that_it_has_allocated() {
     assert!((mean - 64.).abs() < 0.5, "{mean}");
     let [least, most] = [f64::min, f64::max]
         .map(|f| counts.iter().copied().reduce(f).unwrap());
-    assert!(16. <= least && least < 64. && 64. < most, "{least} {most}");
+    assert!((16. ..64.).contains(&least) && 64. < most, "{least} {most}");
     // A part and what is merged have the same.
     place.done(&format!("{gather} -n64 --tiles 2/3 -o b.exr"));
     let part = place.image("b.exr");
@@ -494,15 +468,10 @@ fn points_are_read_from_what_spreadsheets_write_and_commas_are_no_points() {
             assert_eq!(read(text), Ok(vec![point]), "{meant:?}");
         }
     }
-    for fault in [
-        "0,5;1,0;1,5\n",
-        "\"0,5\",\"1,0\",\"1,5\"",
-        "0,5\t1\t1,5\t0\t1",
-        "0;0;-1,5;0;1",
-        "0,5, 1,0, 1,5",
-        "0 0 1 0 1e-3,5",
-        "0.5m 1m 2m 0m 0m 1m\r0 0 0 0 0 1",
-    ] {
+    let faults = "0,5;1,0;1,5\n|\"0,5\",\"1,0\",\"1,5\"|0,5\t1\t1,5\t0\t1|\
+                  0;0;-1,5;0;1|0,5, 1,0, 1,5|0 0 1 0 1e-3,5|\
+                  0.5m 1m 2m 0m 0m 1m\r0 0 0 0 0 1";
+    for fault in faults.split('|') {
         let told = read(fault.as_bytes()).unwrap_err();
         assert!(told.starts_with(":1: "), "{told}");
         assert_eq!(told.contains("decimal"), fault.contains(','));
@@ -553,8 +522,7 @@ fn points_that_are_not_where_they_should_be_are_told_with_their_line() {
                 150 1 1 0 0 1\n30 1 -1.001 0 0 1\n30 1 -1 1 0 0\n";
     place.put("a.obj", slab);
     place.put("p.txt", list);
-    let bare = place.free("a.obj --points p.txt -n16").stderr;
-    assert!(bare.contains(
+    assert!(place.free("a.obj --points p.txt -n16").stderr.contains(
         "p.txt: a doubtful value for 2 of 7 points: on a surface into which \
          the normal points: 1, the first in line 2; outside by ten times \
          the size of the scene: 1, the first in line 4\n"
@@ -611,36 +579,24 @@ fn receivers_are_rendered_like_pixels() {
     }
     place.put("p.txt", points);
     for method in ["reference", "sobol", "gather"] {
-        let common = format!(
-            "room.obj --points p.txt -r0.7 -n64 --integrator={method}"
-        );
-        let whole = place.free(&format!("{common} -j1 -oa.csv -f"));
-        whole.succeeded();
+        let common = "-f room.obj --points p.txt -r0.7 -n64";
+        let run = |options: &str| {
+            let line = format!("{common} --integrator={method} {options}");
+            place.free(&line).succeeded();
+        };
+        run("-j1 -oa.csv");
         for options in ["-j4", "-j2 --isa=portable"] {
-            let run = place.free(&format!("{common} {options} -ob.csv -f"));
-            run.succeeded();
+            run(&format!("{options} -ob.csv"));
             assert_eq!(place.get("a.csv"), place.get("b.csv"), "{method}");
         }
-        for (k, part) in [
-            "--samples 0..32",
-            "--samples 32..64 --tiles 1/2",
-            "--samples 32..64 --tiles 2/2",
-        ]
-        .iter()
-        .enumerate()
-        {
-            let run =
-                place.free(&format!("{common} {part} -o {k}.litpt -f"));
-            run.succeeded();
-        }
-        let merged =
-            place.ptimg("merge 0.litpt 1.litpt 2.litpt -o all.litpt -f");
-        merged.succeeded();
-        let run = place.free("--resume all.litpt -oc.csv -f");
-        run.succeeded();
+        run("--samples 0..32 -o 0.litpt");
+        run("--samples 32..64 --tiles 1/2 -o 1.litpt");
+        run("--samples 32..64 --tiles 2/2 -o 2.litpt");
+        let merge = "merge 0.litpt 1.litpt 2.litpt -f -o all";
+        place.ptimg(&format!("{merge}.litpt")).succeeded();
+        place.free("--resume all.litpt -oc.csv -f").succeeded();
         assert_eq!(place.get("a.csv"), place.get("c.csv"), "{method}");
-        let run =
-            place.ptimg("merge 0.litpt 1.litpt 2.litpt -o all.exr -f");
+        let run = place.ptimg(&format!("{merge}.exr"));
         assert!(run.stderr.contains("receivers"), "{}", run.stderr);
     }
 }
@@ -720,10 +676,8 @@ fn a_model_of_four_hundred_materials_is_read_as_it_is() {
     place.put("ifc.obj", text);
     place.put("an ifc.mtl", library);
     let named = "--albedo=2O2Fr$t4X7Zf8NOew12=0.9";
-    let run = place.free(&format!(
-        "ifc.obj --faces --radiosity --materials -n16 {named}"
-    ));
-    run.succeeded();
+    let line = "ifc.obj --faces --radiosity --materials -n16";
+    let run = place.free(&format!("{line} {named}")).succeeded();
     let (_, found) = values(&run.stdout);
     assert_eq!(found.len(), 400);
     for (k, [value, error]) in (0..).zip(found) {
@@ -773,17 +727,13 @@ fn blocks_that_are_inside_out_have_values_on_their_backs() {
         place.put(name, text);
     }
     let run = |options: &str| {
-        let run =
-            place.free(&format!("{options} -r0.4 -n4096 --ground=0.2"));
-        run.succeeded();
-        values(&run.stdout).1
+        table(&place, &format!("{options} -r0.4 -n4096 --ground=0.2")).1
     };
     let [near, far] =
         ["near.obj --faces=back", "far.obj --faces=back"].map(run);
     for (near, far) in near.iter().zip(&far) {
         // Their rays are the same to the last bits of the coordinates.
-        let error = near[1].hypot(far[1]);
-        chance.judge([near[0] - far[0], error], 0., 16.);
+        chance.judge([near[0] - far[0], near[1].hypot(far[1])], 0., 16.);
         assert!(near[0] > 0.3 && far[0] > 0.3);
     }
     // Roofs see the sky alone, and the inside of a block sees none.
@@ -802,12 +752,9 @@ fn a_room_without_a_ceiling_is_lit_as_radiosity_says() {
     place.put("box.obj", text);
     let [coarse, fine] = [8, 16].map(radiosity);
     for method in ["reference", "sobol", "gather"] {
-        let run = place.free(&format!(
-            "box.obj --faces=both -n65536 --albedo=floor=0.2 -r0.5 \
-             --integrator={method}"
-        ));
-        run.succeeded();
-        let (_, found) = values(&run.stdout);
+        let line = "box.obj --faces=both -n65536 --albedo=floor=0.2 -r0.5";
+        let line = format!("{line} --integrator={method}");
+        let (_, found) = table(&place, &line);
         for (face, both) in found.chunks(2).enumerate() {
             let (kind, inside) = (face.min(1), both[face.min(1)]);
             // Of 24 and 32 patches a side, 0.29676 and 0.30081 are left.
@@ -903,8 +850,7 @@ fn seen_among(
     n: u32,
 ) -> f64 {
     let [low, high] = boxes[own];
-    let normals = [-DVec3::Y, DVec3::X, DVec3::Y, -DVec3::X, DVec3::Z];
-    let normal = normals[side];
+    let normal = [-DVec3::Y, DVec3::X, DVec3::Y, -DVec3::X, DVec3::Z][side];
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let mut open = 0;
     // An additive recurrence in four dimensions (Roberts 2018).
@@ -945,9 +891,7 @@ fn the_faces_of_a_street_see_what_rays_among_boxes_see() {
         concat!(env!("CARGO_MANIFEST_DIR"), "/doc/examples/street.sh");
     let street = std::process::Command::new("sh").arg(script).output();
     place.put("street.obj", street.unwrap().stdout);
-    let run = place.free("street.obj --faces -r0 -n4096");
-    run.succeeded();
-    let (_, found) = values(&run.stdout);
+    let (_, found) = table(&place, "street.obj --faces -r0 -n4096");
     assert_eq!(found.len(), 250);
     let corner = |k: i32, z| {
         DVec3::new(f64::from(20 * (k % 10)), f64::from(28 * (k / 10)), z)
@@ -968,8 +912,7 @@ fn the_faces_of_a_street_see_what_rays_among_boxes_see() {
 // Rays from within a scene, from far outside and from the ground below it.
 #[test]
 fn what_is_visible_above_a_ground_is_what_is_hit_first() {
-    let scene = Scene::new(&cavity(0.5, 16));
-    let mut bvh = Bvh::new(&scene).unwrap();
+    let mut bvh = Bvh::new(&Scene::new(&cavity(0.5, 16))).unwrap();
     bvh.set_ground(Some(DVec3::Z));
     let (mut random, mut met) = (generator(3, 0, 0), [0; 3]);
     for i in 0..3000 {

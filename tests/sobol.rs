@@ -3,18 +3,11 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::chance;
+use crate::prelude::*;
+
 use crate::sampler::assert_unrelated;
 
-use chance::Chance;
-use glam::DVec3;
-use litpt::film::Film;
-use litpt::integrator::PathTracer;
-use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler, scramble_key};
-use litpt::sampler::{IndependentSampler, Sampler, dimension, to_unit};
-use litpt::scene::Mesh;
-use litpt_book::closed_forms::{Setting, look};
 
 /// All four coordinates of a point.
 fn point(net: &ScrambledNet, key: u64, i: u32) -> [u32; 4] {
@@ -95,8 +88,7 @@ fn the_sizes_of_sets_are_powers_of_two() {
         assert!(result.is_err(), "{points}");
     }
     for log in [0, 1, 6, 7, 30] {
-        let sampler = SobolSampler::new(1, 1 << log);
-        assert_eq!(sampler.replicate(), 1 << log);
+        assert_eq!(SobolSampler::new(1, 1 << log).replicate(), 1 << log);
     }
 }
 

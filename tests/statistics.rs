@@ -3,9 +3,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use litpt::statistics::Accumulator;
-use rand::{Rng, RngExt};
-use rand_pcg::Pcg64;
+use crate::prelude::*;
 
 fn accumulate(weights: impl IntoIterator<Item = f64>) -> Accumulator {
     let mut sum = Accumulator::default();

@@ -4,16 +4,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use glam::DVec3;
-use litpt::bvh::Hit;
-use litpt::integrator::{Integrator, PathEvent, PathTracer};
-use litpt::materials::Surfaces;
-use litpt::sampler::{IndependentSampler, Sampler, generator};
-use litpt::sky::Sky;
-use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::{cavity, cavity_radiance, look, pixel};
-use rand::RngExt;
-use rayon::prelude::*;
+use crate::prelude::*;
 
 /// A path that hits walls only; `leaves` tells before each ray but the first
 /// whether it meets the sky instead. Its weight, and its number of rays.

@@ -3,14 +3,10 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::prelude::*;
+
 use crate::bvh::apart;
-use glam::DVec3;
-use litpt::bvh::{BEAM, Bvh, Hit, Intersector, Isa, Quality};
-use litpt::scene::{Mesh, Ray, Scene};
-use litpt_book::closed_forms::cavity;
 use litpt_book::solids::{cube, icosphere};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 
 /// Rays per scene.
 const RAYS: usize = 40_000;
@@ -62,8 +58,7 @@ fn place(scene: &Scene, random: &mut Pcg64) -> DVec3 {
     if triangles.is_empty() {
         return anywhere;
     }
-    let i = random.random_range(0..triangles.len());
-    let [a, b, c] = triangles[i];
+    let [a, b, c] = triangles[random.random_range(0..triangles.len())];
     let (s, t) = (random.random::<f64>(), random.random::<f64>());
     match random.random_range(0..6) {
         0 => a,

@@ -3,18 +3,11 @@
 
 //! Several views of one scene, as a program shows that turns it.
 
-use crate::common;
+use crate::prelude::*;
 
 use std::ffi::OsString;
-use std::path::Path;
-use std::sync::Arc;
 
-use common::{ROOM, Scratch};
-use litpt::analysis::SceneAnalysis;
-use litpt::film::Film;
-use litpt::integrator::Alone;
 use litpt::options::Options;
-use litpt::render::choose::{Method, Pixels, Sampling, Setup};
 use litpt::session::World;
 
 /// The image of a world by the reference.

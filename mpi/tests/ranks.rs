@@ -60,8 +60,7 @@ fn ranks_render_the_image_of_one_process() {
         for &n in numbers {
             let out = "-i- -ob.pfm --report=r.json";
             let run = run(&place, n, &format!("{arguments} {out}"));
-            run.succeeded();
-            assert_eq!(run.stderr, "");
+            assert_eq!(run.succeeded().stderr, "");
             same(&place, &format!("{arguments}: {n} ranks"));
             let report = place.json("r.json");
             assert_eq!(report["rays"], place.json("s.json")["rays"]);

@@ -107,12 +107,14 @@ impl Scratch {
         assert_eq!(self.names(), expected);
     }
 
-    /// The command `program` here, with pipes at its three ends.
+    /// The command `program` here, with pipes at its three ends; `$PT` and
+    /// `$PTIMG` are the programs.
     pub fn command(&self, program: &str) -> Command {
         let mut command = Command::new(program);
         command.current_dir(self.0.path());
         command.env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE");
         command.env("RUST_BACKTRACE", "0").env("TERM", "xterm");
+        command.env("PT", PT).env("PTIMG", PTIMG);
         command.stdin(Stdio::null());
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         // SAFETY: a signal handler may call what is called here.
@@ -144,17 +146,20 @@ impl Scratch {
     }
 
     /// Runs `pt` with the words of a line, which is a success.
+    #[track_caller]
     pub fn done(&self, line: &str) -> Run {
-        let run = self.line(line);
-        run.succeeded();
-        run
+        self.line(line).succeeded()
     }
 
     /// Runs `pt` under a limit of the shell.
     pub fn within(&self, limit: &str, arguments: &str) -> Run {
-        let pt = format!("exec \"$0\" -p0,0,0 {arguments}");
-        let script = format!("ulimit {limit}; {pt}");
-        outcome(self.command("sh").args(["-c", &script, PT]))
+        let pt = format!("exec \"$PT\" -p0,0,0 {arguments}");
+        self.shell(&format!("ulimit {limit}; {pt}"))
+    }
+
+    /// Runs a script of the shell.
+    pub fn shell(&self, script: &str) -> Run {
+        outcome(self.command("sh").args(["-c", script]))
     }
 
     /// The command `ptimg` with the words of a line.
@@ -276,8 +281,7 @@ pub fn keep_reading(mut command: Command) -> Running {
     let mut child = spawn(command.stdin(Stdio::piped()));
     // More than any pipe holds: the write ends when somebody reads.
     let comment = "# nothing to see here, read on\n".repeat(1 << 16);
-    let stdin = child.0.stdin.as_mut().unwrap();
-    stdin.write_all(comment.as_bytes()).unwrap();
+    child.0.stdin.as_mut().unwrap().write_all(comment.as_bytes()).unwrap();
     child
 }
 
@@ -314,9 +318,12 @@ impl Run {
         String::from_utf8(self.stdout).unwrap()
     }
 
-    pub fn succeeded(&self) {
+    /// Ended with 0 and without an error.
+    #[track_caller]
+    pub fn succeeded(self) -> Self {
         assert_eq!(self.status, Some(0), "{}", self.stderr);
         assert!(!self.stderr.contains("error:"), "{}", self.stderr);
+        self
     }
 
     /// Ended with `status`, nothing on standard output, and one line on

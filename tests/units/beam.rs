@@ -74,8 +74,7 @@ fn a_padded_box_around_a_point_of_a_ray_is_entered_by_its_beam() {
             assert!(entered >> i & 1 != 0, "{point} {ray:?}");
             assert!(entered & !(1 << i | 1 << ((i + 1) % 16)) == 0);
             missed += usize::from(entered == 1 << i);
-            let active = beam.active(&node, i);
-            assert!(active >> i & 1 != 0, "{point} {ray:?}");
+            assert!(beam.active(&node, i) >> i & 1 != 0, "{point} {ray:?}");
         }
     }
     assert!(points > 3 * BEAMS, "{points} points of {beams} beams");

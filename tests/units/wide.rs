@@ -36,12 +36,9 @@ fn nested(n: i32) -> Scene {
 
 fn scene(triangles: Vec<[DVec3; 3]>) -> Scene {
     let numbers = (0..triangles.len() as u32).map(|i| 3 * i);
-    Scene::new(&Mesh {
-        triangles: numbers.map(|i| [i, i + 1, i + 2]).collect(),
-        vertices: triangles.into_iter().flatten().collect(),
-        joined: vec![],
-        marks: vec![],
-    })
+    let vertices = triangles.into_iter().flatten().collect();
+    let triangles = numbers.map(|i| [i, i + 1, i + 2]).collect();
+    Scene::new(&Mesh { triangles, vertices, ..Mesh::default() })
 }
 
 /// Clusters of ever smaller triangles, one in the other.
@@ -385,8 +382,7 @@ fn check_depth<const N: usize>() {
     };
     assert!(!fits(&deep));
     assert!(fits(&balance(&deep)));
-    let wide = wide::<N>(&scene);
-    assert!(N * levels(&wide) + N <= STACK);
+    assert!(N * levels(&wide::<N>(&scene)) + N <= STACK);
 }
 
 /// A tree with one triangle on one side of each node, and all that come
