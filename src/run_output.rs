@@ -18,7 +18,6 @@ use crate::compare::display::{auto_stops, cut_out};
 use crate::compare::display::{seeming_surfaces, tonemap};
 use crate::film::Film;
 use crate::filter::{Filtered, FirstHits, surface_means};
-use crate::image::levels::level;
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::Convergence;
@@ -210,10 +209,9 @@ impl<'a> RunOutput<'a> {
                 Product::Image(format) => format.write(&image(), out),
                 Product::Report(kind) => write!(out, "{}", page(kind)),
                 Product::Table(format) => {
-                    let grey = |value| level(value, 255) as u8;
+                    let own = known.allocation();
                     let write = |(table, all): (&Table, _)| {
-                        let own = known.allocation();
-                        table.write(format, all, film, own, grey, out)
+                        table.write(format, all, film, own, out)
                     };
                     table.map_or(Ok(()), write)
                 }

@@ -71,18 +71,15 @@ impl Sensor {
             }
         }
         let directions = camera.directions(&across, &down);
-        let rays = array::from_fn(|i| match places[i] {
-            Some(_) if !sees_sky => entrance.enter(directions[i]),
-            _ => None,
-        });
+        let look = |i: usize| {
+            places[i].filter(|_| !sees_sky).map(|_| directions[i])
+        };
+        let rays = array::from_fn(|i| entrance.enter(look(i)?));
         let mut hits = intersector.first_hits(&rays);
-        if !sees_sky {
-            // Have rays that miss the scene meet the ground
-            for (i, hit) in hits.iter_mut().enumerate() {
-                if places[i].is_some() && rays[i].is_none() {
-                    *hit =
-                        ground_below(intersector, entrance, directions[i]);
-                }
+        // Have rays that miss the scene meet the ground
+        for i in 0..BEAM {
+            if let (Some(direction), None) = (look(i), &rays[i]) {
+                hits[i] = ground_below(intersector, entrance, direction);
             }
         }
         let rays = rays.iter().flatten().count() as u64;
@@ -110,7 +107,8 @@ impl Sensor {
             Self::Receivers(receivers) => {
                 let row = y * receivers.count() as f64;
                 let last = receivers.count() - 1;
-                let u = [x, row.fract()].map(|u| (u * UNITS) as u32);
+                let to_u32 = |u| (u * power_of_two(32)) as u32;
+                let u = [x, row.fract()].map(to_u32);
                 let hit = receivers.hit((row as usize).min(last), u);
                 (DVec3::ZERO, None, Some(hit))
             }
@@ -127,9 +125,6 @@ fn ground_below(
     let origin = entrance.place()?;
     intersector.below(&Ray { origin, direction })
 }
-
-/// The integers that a point in a pixel is made of: 2^32.
-const UNITS: f64 = power_of_two(32);
 
 /// The receivers that are asked for.
 pub struct Receivers {
@@ -172,11 +167,12 @@ impl Receivers {
     /// below 2^32, choose, as a hit on no triangle.
     #[inline]
     pub fn hit(&self, i: usize, u: [u32; 2]) -> Hit {
-        let (own, is_back) = match &self.all[i] {
+        let (parts, is_back) = match &self.all[i] {
             Receiver::Point(hit) => return *hit,
-            Receiver::Face(own, is_back) => (own.clone(), *is_back),
+            Receiver::Face(own, is_back) => {
+                (&self.parts[own.clone()], is_back)
+            }
         };
-        let parts = &self.parts[own];
         let [u, v] = u.map(to_unit);
         // Choose a point of a face
         let at = u * parts[parts.len() - 1].1;
@@ -187,7 +183,7 @@ impl Receivers {
         let root = ((at - before) / (until - before)).sqrt();
         let point = a + ((b - a) * (1. - v) + (c - a) * v) * root;
         let normal = cross(b - a, c - a);
-        let across = if is_back { -normal } else { normal };
+        let across = if *is_back { -normal } else { normal };
         let normal = across / normal.length();
         let point = lifted(&corners, point, normal);
         Hit { point, normal, primitive: NONE }
@@ -293,17 +289,16 @@ pub fn read_points(
     let text = encoding::text(source, warnings)?;
     let text = String::from_utf8_lossy(&text).replace("\r\n", "\n");
     let lines: Vec<&str> = text.split(['\n', '\r']).collect();
-    let lines = lines.par_iter().enumerate();
-    let points =
-        lines.filter_map(|(i, line)| read_point(i, line).transpose());
-    match points.collect::<Result<Vec<_>, _>>()? {
+    let points = lines.par_iter().enumerate().filter_map(read_point);
+    let points: Vec<_> = points.collect();
+    match points.into_iter().collect::<Result<Vec<_>, _>>()? {
         none if none.is_empty() => Err(": no point".to_owned()),
         points => Ok(points),
     }
 }
 
 /// The point of a line, unless it is a comment, empty, or the head.
-fn read_point(i: usize, line: &str) -> Result<Option<Point>, String> {
+fn read_point((i, line): (usize, &&str)) -> Option<Result<Point, String>> {
     let is_gap =
         |c: char| c.is_whitespace() || ";\"\u{feff}\u{1a}".contains(c);
     let words = line.split(|c| is_gap(c) || c == ',');
@@ -312,7 +307,7 @@ fn read_point(i: usize, line: &str) -> Result<Option<Point>, String> {
     let is_text = |word: &&str| !word.starts_with(numeral);
     let is_comment = words.first().is_none_or(|w| w.starts_with('#'));
     if is_comment || i == 0 && words.iter().all(is_text) {
-        return Ok(None);
+        return None;
     }
     // Make a point of six numbers
     let number =
@@ -320,21 +315,18 @@ fn read_point(i: usize, line: &str) -> Result<Option<Point>, String> {
     let numbers: Option<Vec<f64>> = words.iter().map(number).collect();
     let is_decimal =
         |field: &str| field.trim_matches(',').matches(',').count() == 1;
-    let hint = match line.split(is_gap).any(is_decimal) {
-        true => "; a decimal sign is a point, as in 0.5",
-        false => "",
-    };
-    match numbers.as_deref() {
+    let hint = "; a decimal sign is a point, as in 0.5";
+    let hint = if line.split(is_gap).any(is_decimal) { hint } else { "" };
+    let n = i as u32 + 1;
+    Some(match numbers.as_deref() {
         Some(&[x, y, z, nx, ny, nz]) if hint.is_empty() => {
-            let normal = DVec3::new(nx, ny, nz);
-            Ok(Some((DVec3::new(x, y, z), normal, i as u32 + 1)))
+            Ok((DVec3::new(x, y, z), DVec3::new(nx, ny, nz), n))
         }
         _ => Err(format!(
-            ":{}: expected x y z nx ny nz, six numbers, and not '{}'{hint}",
-            i + 1,
+            ":{n}: expected x y z nx ny nz, six numbers, and not '{}'{hint}",
             quoted(line)
         )),
-    }
+    })
 }
 
 /// What is odd about a point, if anything is.
@@ -431,10 +423,10 @@ impl Receivers {
                 }
             }
             let own = start..parts.len();
-            all.extend(backs.iter().map(|&is_back| match own.is_empty() {
-                true => Err("without area"),
-                false => Ok(Receiver::Face(own.clone(), is_back)),
-            }));
+            let own = Some(own).filter(|own| !own.is_empty());
+            let own = own.ok_or("without area");
+            let side = |&is_back| Ok(Receiver::Face(own.clone()?, is_back));
+            all.extend(backs.iter().map(side));
         }
         Self::sifted(all, parts)
     }

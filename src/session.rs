@@ -27,6 +27,7 @@ use crate::camera::{Camera, View, Viewpoint, direction, typed};
 use crate::compare::disagreements;
 use crate::compare::display::Exposure;
 use crate::film::{Film, SIDE, tile_height};
+use crate::image::levels::level;
 use crate::image::{Format, Image};
 use crate::integrator::gather::cache::Grid;
 use crate::integrator::{Alone, Together};
@@ -45,7 +46,7 @@ use crate::run_output::{Product, RunOutput, attributes};
 use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::scene::{begins_obj, read_file};
 use crate::sensor::table::{Shape, Table, TableFormat};
-use crate::sensor::{Sensor, read_points};
+use crate::sensor::{Sensor, Side, read_points};
 use crate::sky::{Cover, Sky};
 use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::{Asked, Framing, RunKey, Sensed, Subject, entries};
@@ -231,10 +232,11 @@ fn run(
         Known { run_key: run_key.clone(), options: saved, report, learnt };
     let shown = run_key.subject.sensed.camera().map(|_| (bvh, &view));
     let mut output = RunOutput::new(files, often, known, shown);
-    output.table = match (&world.table, &world.sensor) {
-        (Some(table), Sensor::Receivers(all)) => Some((table, all)),
-        _ => None,
-    };
+    if let (Some(table), Sensor::Receivers(all)) =
+        (&world.table, &world.sensor)
+    {
+        output.table = Some((table, all));
+    }
     let auto = image.is_some().then_some(Exposure::Auto);
     output.exposure = options.exposure.or(auto);
     // Collect the limits
@@ -557,7 +559,7 @@ fn asked(
             (Asked::Points(sha256(points)), Shape::Points(read))
         }
         &Options { faces: Some(side), .. } => {
-            (Asked::Faces(side), Shape::Faces(mesh.faces(), side.backs()))
+            (Asked::Faces(side), Shape::Faces(mesh.faces()))
         }
         Options { vertices: true, .. } => {
             (Asked::Vertices, Shape::Vertices)
@@ -567,7 +569,9 @@ fn asked(
     let albedos = options.radiosity.then(|| albedos.clone());
     let mesh = options.points.is_none().then(|| mesh.clone());
     let mesh = mesh.unwrap_or_default();
-    Ok(Some((asked, Table { shape, mesh, albedos })))
+    let backs = options.faces.unwrap_or(Side::Front).backs();
+    let grey = |value| level(value, 255) as u8;
+    Ok(Some((asked, Table { shape, backs, mesh, albedos, grey })))
 }
 
 /// The camera of what is shown.
@@ -816,9 +820,8 @@ fn build(
     let (count, all) = (too_small(&triangles), triangles.len());
     if count > 0 {
         progress::warn(&format!(
-            "smaller than 2^-40 of the largest triangle, or 2^-43 of the scene: \
-             {count} of {all} triangles; close to larger ones the light may be \
-             wrong"
+            "{count} of {all} triangles: smaller than 2^-40 of the largest, or \
+             2^-43 of the scene; close to larger ones the light may be wrong"
         ));
     }
     // Build the hierarchy and show how far it is

@@ -13,7 +13,7 @@ use crate::film::{Film, WORTH};
 use crate::materials::FaceAlbedos;
 use crate::numerics::{cross, normalise};
 use crate::scene::{Mesh, Scene};
-use crate::sensor::{Oddity, Point, Receivers};
+use crate::sensor::{Point, Receivers};
 
 /// Formats of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,9 +53,8 @@ pub enum Shape {
     Points(Vec<Point>),
     /// The vertices of triangles.
     Vertices,
-    /// The faces of triangles, given the face of each; and whether it is the
-    /// back, for each side that receives.
-    Faces(Vec<u32>, &'static [bool]),
+    /// The faces of triangles, given the face of each.
+    Faces(Vec<u32>),
 }
 
 impl Shape {
@@ -73,10 +72,14 @@ impl Shape {
 pub struct Table {
     /// What bears the values.
     pub shape: Shape,
+    /// Whether it is a back, for each side that receives.
+    pub backs: &'static [bool],
     /// The scene, in the coordinates of the file, unless there are points.
     pub mesh: Mesh,
     /// The albedo of each face, if it is radiosity that is asked for.
     pub albedos: Option<FaceAlbedos>,
+    /// The level of a value on a screen.
+    pub grey: fn(f64) -> u8,
 }
 
 /// A value and its standard error, and the number of samples.
@@ -84,10 +87,8 @@ type Value = ([f32; 2], f64);
 
 /// A text as CSV has it.
 fn cell(text: &str) -> String {
-    match text.contains([',', '"']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_owned(),
-    }
+    let quoted = format!("\"{}\"", text.replace('"', "\"\""));
+    if text.contains([',', '"']) { quoted } else { text.to_owned() }
 }
 
 impl Table {
@@ -96,42 +97,32 @@ impl Table {
         match &self.shape {
             Shape::Points(all) => Receivers::points(all, &scene.frame),
             Shape::Vertices => Receivers::vertices(&scene.triangles),
-            Shape::Faces(faces, backs) => {
+            Shape::Faces(faces) => {
                 let place = |i: u32| scene.triangles.vertices[i as usize];
                 let triangles = self.mesh.triangles.iter();
                 let triangles = triangles.map(|corners| corners.map(place));
-                Receivers::faces(triangles, faces, backs)
+                Receivers::faces(triangles, faces, self.backs)
             }
         }
     }
 
     /// The face of a receiver, from 0, and whether it is the back.
     fn face(&self, number: usize) -> (u32, bool) {
-        let Shape::Faces(_, backs) = self.shape else {
-            return (number as u32, false);
-        };
-        ((number / backs.len()) as u32, backs[number % backs.len()])
+        let sides = self.backs.len();
+        ((number / sides) as u32, self.backs[number % sides])
     }
 
     /// How many of the receivers have no value, or a doubtful one, and why: a
-    /// line for both, if there are any.
+    /// line for each kind.
     pub fn odd(&self, receivers: &Receivers) -> Vec<String> {
         let (all, name) = (receivers.asked, self.shape.name());
-        let line = |odd: &[(Oddity, u32)]| {
-            let value = if odd[0].0.0 { "a doubtful" } else { "no" };
-            let kinds = odd.chunk_by(|a, b| a.0 == b.0).map(|kind| {
-                let ((_, why), first) = kind[0];
-                let first = self.place(first as usize);
-                format!("{why}: {}, the first {first}", kind.len())
-            });
-            let kinds = kinds.collect::<Vec<_>>().join("; ");
-            format!(
-                "{value} value for {} of {all} {name}: {kinds}",
-                odd.len()
-            )
-        };
-        let lines = receivers.odd.chunk_by(|(a, _), (b, _)| a.0 == b.0);
-        lines.map(line).collect()
+        let kinds = receivers.odd.chunk_by(|a, b| a.0 == b.0).map(|kind| {
+            let ((has_value, why), first) = kind[0];
+            let value = if has_value { "a doubtful" } else { "no" };
+            let (n, first) = (kind.len(), self.place(first as usize));
+            format!("{value} value for {n} of {all} {name}: {why}, the first {first}")
+        });
+        kinds.collect()
     }
 
     /// Where a receiver is in its file.
@@ -144,8 +135,7 @@ impl Table {
     }
 
     /// Writes the values of receivers that are on a film, with the samples of
-    /// each in a replicate, if they differ; `grey` is the level of a value on a
-    /// screen.
+    /// each in a replicate, if they differ.
     ///
     /// # Errors
     /// They cannot be written.
@@ -155,7 +145,6 @@ impl Table {
         receivers: &Receivers,
         film: &Film,
         allocation: Option<&[u32]>,
-        grey: fn(f64) -> u8,
         out: &mut dyn Write,
     ) -> io::Result<()> {
         // Find the value of each receiver
@@ -173,7 +162,7 @@ impl Table {
         }
         match format {
             TableFormat::Csv => self.csv(&values, out),
-            TableFormat::Ply => self.ply(&values, grey, out),
+            TableFormat::Ply => self.ply(&values, out),
             TableFormat::Obj => self.obj(&values, out),
         }
     }
@@ -203,7 +192,7 @@ impl Table {
                 Shape::Vertices => {
                     format!("{},{}", i + 1, typed(self.mesh.vertices[i]))
                 }
-                Shape::Faces(faces, _) => {
+                Shape::Faces(faces) => {
                     let (face, is_back) = self.face(i);
                     // Describe a face
                     while let Some(mark) = marks.next_if(|m| m.face <= face)
@@ -240,20 +229,11 @@ impl Table {
         format!("{},{},", 0.5 * twice, places.join(","))
     }
 
-    fn ply(
-        &self,
-        values: &[Value],
-        grey: fn(f64) -> u8,
-        out: &mut dyn Write,
-    ) -> io::Result<()> {
+    fn ply(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
         let Mesh { vertices, triangles, .. } = &self.mesh;
-        let all = triangles.len();
-        let (count, corners) = match self.shape {
-            Shape::Faces(_, backs) => {
-                (backs.len() * all, 3 * backs.len() * all)
-            }
-            _ => (all, values.len()),
-        };
+        let count = self.backs.len() * triangles.len();
+        let is_soup = matches!(self.shape, Shape::Faces(_));
+        let corners = if is_soup { 3 * count } else { values.len() };
         // Write the head of a PLY
         write!(
             out,
@@ -261,10 +241,8 @@ impl Table {
              comment relative to the horizontal irradiance in the open\n\
              element vertex {corners}\n"
         )?;
-        let normal = match self.shape {
-            Shape::Vertices => "",
-            _ => "nx ny nz",
-        };
+        let has_normal = !matches!(self.shape, Shape::Vertices);
+        let normal = if has_normal { "nx ny nz" } else { "" };
         for (kind, names) in [
             ("double", "x y z"),
             ("float", normal),
@@ -284,26 +262,25 @@ impl Table {
         let corner = |i: usize| match &self.shape {
             Shape::Points(all) => (all[i].0, Some(all[i].1), i),
             Shape::Vertices => (vertices[i], None, i),
-            Shape::Faces(faces, backs) => {
+            Shape::Faces(faces) => {
+                let all = triangles.len();
                 let (side, k) = (i / 3 / all, i / 3 % all);
                 let mut corners =
                     triangles[k].map(|i| vertices[i as usize]);
-                if backs[side] {
+                if self.backs[side] {
                     corners.swap(1, 2);
                 }
                 let [a, b, c] = corners;
                 let normal = cross(normalise(b - a), normalise(c - a));
-                let number = backs.len() * faces[k] as usize + side;
+                let number = self.backs.len() * faces[k] as usize + side;
                 (corners[i % 3], Some(normal.normalize_or_zero()), number)
             }
         };
         // Write the corners of a PLY
         for (place, normal, number) in (0..corners).map(corner) {
             let ([value, error], _) = values[number];
-            let colour = match value.is_nan() {
-                true => [255, 0, 255],
-                false => [grey(value.into()); 3],
-            };
+            let grey = [(self.grey)(value.into()); 3];
+            let colour = if value.is_nan() { [255, 0, 255] } else { grey };
             let place = place.to_array().map(f64::to_le_bytes);
             out.write_all(&place.concat())?;
             let normal = normal.iter().flat_map(|n| n.as_vec3().to_array());
@@ -314,10 +291,8 @@ impl Table {
         }
         // Write the triangles of a PLY
         for i in 0..count as u32 {
-            let corners = match self.shape {
-                Shape::Faces(..) => [0, 1, 2].map(|k| 3 * i + k),
-                _ => triangles[i as usize],
-            };
+            let own = [0, 1, 2].map(|k| 3 * i + k);
+            let corners = if is_soup { own } else { triangles[i as usize] };
             out.write_all(&[3])?;
             out.write_all(&corners.map(u32::to_le_bytes).concat())?;
         }
