@@ -36,16 +36,11 @@ fn nearly_parallel_vectors_have_a_cross_product() {
 fn a_hall_of_300_metres_is_scaled_by_32() {
     let far = DVec3::new(300., 40., 12.);
     let vertices = vec![DVec3::ZERO, far, far * DVec3::X];
-    let hall = Mesh {
-        vertices,
-        triangles: vec![[0, 1, 2]],
-        joined: vec![],
-        marks: vec![],
-    };
+    let triangles = vec![[0, 1, 2]];
+    let hall = Mesh { vertices, triangles, ..Mesh::default() };
     let corner = Scene::new(&hall).triangles.get(0)[1];
     assert_eq!(corner, DVec3::new(4800., 640., 192.));
-    let metres = (corner.x.next_up() - corner.x) / 32.;
-    assert_eq!(metres, power_of_two(-45));
+    assert_eq!((corner.x.next_up() - corner.x) / 32., power_of_two(-45));
 }
 
 /// A face with these corners in a plane, and whether it is odd.

@@ -96,10 +96,7 @@ fn what_has_no_end_and_is_no_obj_is_refused() {
     let zeros = place.line("-i/dev/zero");
     let fault = "cannot read: no vertex in the first 64 MiB";
     zeros.failed(1, &["/dev/zero: ", fault]);
-    let mut command = place.command("sh");
-    command.args(["-c", "yes | \"$0\""]);
-    command.arg(env!("CARGO_BIN_EXE_pt"));
-    outcome(&mut command).failed(1, &["standard input: ", fault]);
+    place.shell("yes | \"$PT\"").failed(1, &["standard input: ", fault]);
 }
 
 #[test]

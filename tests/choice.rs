@@ -126,8 +126,7 @@ fn the_parts_of_the_variance_are_told_apart() {
     assert_eq!(of(9).sampling.replicate, 2);
     // An error that 256 samples of the reference have takes fewer by nets;
     // those of 256 would have scrambles of 64.
-    let error = (pilot.first / 256.).sqrt();
-    let error = Some((error, Measure::default()));
+    let error = Some(((pilot.first / 256.).sqrt(), Measure::default()));
     let bounded = asked(Request { error, ..ANY }).sampling;
     assert_eq!(bounded.method, Method::Sobol);
     assert!(bounded.replicate < 32, "{}", bounded.replicate);

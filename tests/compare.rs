@@ -347,8 +347,7 @@ fn tiled(error: f64, replicate: &str, crop: Option<&str>) -> Difference {
         ..b.clone()
     };
     a.attributes.insert("replicate".into(), replicate.into());
-    let crop = crop.map(|crop| ("crop".into(), crop.into()));
-    a.attributes.extend(crop);
+    a.attributes.extend(crop.map(|crop| ("crop".into(), crop.into())));
     let b = Image { errors: None, samples: None, ..b };
     compare(&a, &b).unwrap()
 }

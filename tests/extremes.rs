@@ -11,14 +11,10 @@ use crate::bvh::apart;
 /// Two triangles: the square |x|, |y| <= half in the plane z = 0.
 fn square(half: f64) -> Mesh {
     let corners = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)];
-    let vertices = corners.map(|(x, y)| DVec3::new(x, y, 0.) * half);
+    let corner = |(x, y)| DVec3::new(x, y, 0.) * half;
+    let vertices = corners.map(corner).to_vec();
     let triangles = vec![[0, 1, 2], [0, 2, 3]];
-    Mesh {
-        vertices: vertices.to_vec(),
-        triangles,
-        joined: vec![],
-        marks: vec![],
-    }
+    Mesh { vertices, triangles, ..Mesh::default() }
 }
 
 /// From above, so far away, and down to the origin.
@@ -274,18 +270,6 @@ fn each_reflectivity_is_the_radiance_of_a_lone_square() {
             assert!((pixel.mean() - rho).abs() < 2f64.powi(-88), "{rho:e}");
             assert_eq!(pixel.standard_error(), 0.);
         }
-    }
-}
-
-#[test]
-fn one_realisation_and_a_trillion_within_a_time_give_the_image() {
-    let place = Scratch::new();
-    let scene = format!("-isquare.obj -d4x3 -r0.5 {}", ABOVE.join(" "));
-    for more in ["-n1", "-n1099511627776 --time=1"] {
-        let run = place.done(&format!("{scene} {more}"));
-        let (_, _, levels) = pgm(&run.stdout);
-        // The encoding of one half.
-        assert_eq!(levels, [187; 12], "{more:?}");
     }
 }
 

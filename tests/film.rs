@@ -6,7 +6,7 @@
 
 use crate::prelude::*;
 
-use crate::render_loop::with_threads;
+use crate::render_loop::{watch_of, with_threads};
 
 use std::collections::HashSet;
 
@@ -43,8 +43,7 @@ fn the_curve_steps_to_adjacent_tiles() {
         let corners: Vec<(u32, u32)> =
             film.tiles().iter().map(|part| part.tile.corner).collect();
         assert_eq!(corners[0], (0, 0));
-        let last = corners[corners.len() - 1];
-        assert_eq!(last, ((tiles - 1) * SIDE, 0));
+        assert_eq!(corners[corners.len() - 1], ((tiles - 1) * SIDE, 0));
         for pair in corners.windows(2) {
             let step = pair[0].0.abs_diff(pair[1].0)
                 + pair[0].1.abs_diff(pair[1].1);
@@ -254,12 +253,8 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
         with_threads(threads, || {
             let (mut film, mut rays) = (Film::new(size.0, size.1), 0);
             for (end, calls) in [(4, 21), (7, 30), (7, 17), (7, 0)] {
-                let left = AtomicU64::new(calls);
-                let watch = |_| {
-                    let less = |n: u64| n.checked_sub(1);
-                    left.fetch_update(Relaxed, Relaxed, less).is_ok()
-                };
-                rays += setting.job(4).pass(&mut film, end, &watch);
+                let watch = &watch_of(calls);
+                rays += setting.job(4).pass(&mut film, end, watch);
                 assert!(film.samples() < end);
                 // Each pixel is that of a whole film of so many samples.
                 for n in counts(&film) {

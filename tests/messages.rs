@@ -12,7 +12,6 @@ use litpt::progress;
 /// to make a terminal.
 fn on_a_terminal(place: &Scratch, line: &str) -> Option<String> {
     let mut command = place.command("script");
-    command.env("PT", env!("CARGO_BIN_EXE_pt"));
     command.args(["-qec", line, "/dev/null"]);
     let Ok(child) = command.spawn() else {
         skip("there is no program script");
@@ -266,7 +265,7 @@ fn numbers_are_taken_as_people_write_them() {
     let plain = image(&["-t1,2,3", "-r0.7", "--ground=0.2"]);
     assert_eq!(image(&["-t", "1, 2, 3", "-r70%", "--ground=20%"]), plain);
     place.put("m.mtl", "newmtl a\nKd 0.2 0.4 0.6\n");
-    place.put("m.obj", format!("mtllib m.mtl\nusemtl a\n{}", ROOM));
+    place.put("m.obj", format!("mtllib m.mtl\nusemtl a\n{ROOM}"));
     let band = image(&["-im.obj", "--band=r"]);
     assert_eq!(image(&["-im.obj", "--materials", "--band=r"]), band);
 }

@@ -35,8 +35,7 @@ fn ball(reach: f64, x: f64) -> Mesh {
     let first = mesh.vertices.len() as u32;
     mesh.vertices.iter_mut().for_each(|v| *v += DVec3::new(x, 0., 1.));
     let signs = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)];
-    let corners = signs.map(|(x, y)| DVec3::new(x, y, 0.) * reach);
-    mesh.vertices.extend(corners);
+    mesh.vertices.extend(signs.map(|(x, y)| DVec3::new(x, y, 0.) * reach));
     let plane = [[0, 1, 2], [0, 2, 3]];
     mesh.triangles.extend(plane.map(|t| t.map(|i| first + i)));
     mesh

@@ -226,11 +226,7 @@ fn shell(place: &Scratch, script: &str) -> Run {
         noisy() { "$PT" -q -p0,0,0 -i room.obj -d512x384 -n3 "$@"; }
         ptimg() { "$PTIMG" "$@"; }
     "#;
-    let mut command = place.command("sh");
-    command.env("PT", env!("CARGO_BIN_EXE_pt"));
-    command.env("PTIMG", env!("CARGO_BIN_EXE_ptimg"));
-    let script = [PROGRAMS, script].concat();
-    outcome(command.args(["-c", &script]))
+    place.shell(&[PROGRAMS, script].concat())
 }
 
 /// The shell's log keeps what is before the image and gets what is after.
@@ -287,21 +283,12 @@ fn a_closed_standard_output_is_an_error_if_it_is_wanted() {
                  pt -n2 --samples 0..1 -o a.litpt; \
                  pt -n2 --samples 1..2 -o b.litpt";
     shell(&place, files).succeeded();
-    for command in [
-        "pt",
-        "pt --format=exr -o -",
-        "pt -o /dev/stdout",
-        "pt --explain",
-        "pt --help",
-        "pt --version",
-        "pt -o c.pgm --report -",
-        "ptimg --help",
-        "ptimg info a.exr",
-        "ptimg tonemap a.exr -o -",
-        "ptimg stderr a.exr -fo c.pgm",
-        "ptimg merge a.litpt b.litpt -o -",
-        "ptimg diff a.exr b.exr",
-    ] {
+    let wanted = "pt|pt --format=exr -o -|pt -o /dev/stdout|pt --explain|\
+                  pt --help|pt --version|pt -o c.pgm --report -|\
+                  ptimg --help|ptimg info a.exr|ptimg tonemap a.exr -o -|\
+                  ptimg stderr a.exr -fo c.pgm|ptimg diff a.exr b.exr|\
+                  ptimg merge a.litpt b.litpt -o -";
+    for command in wanted.split('|') {
         for others in ["", "<&-", "2>err <&-"] {
             let run = shell(&place, &format!("{command} >&- {others}"));
             assert!(run.status > Some(0), "{command}: {}", run.stderr);

@@ -418,8 +418,7 @@ fn three_bands_make_a_colour_image() {
     rgb("-oa.png").succeeded();
     let (kind, clear) = pixels(&place, "a.png");
     assert_eq!(kind, png::ColorType::Rgba);
-    let colours = clear.chunks(8).flat_map(|pixel| &pixel[..6]);
-    assert!(colours.eq(&levels));
+    assert!(clear.chunks(8).flat_map(|pixel| &pixel[..6]).eq(&levels));
     // A brighter picture, and what is refused.
     assert!(rgb("-e auto -od.png").stderr.contains("stops"));
     rgb("-oc.pgm").failed(1, &[".png or .exr"]);

@@ -88,6 +88,13 @@ fn run<K: Intersector, E: Integrator>(
     (convergence, film, stop)
 }
 
+/// A watch that lets work go on so many times.
+pub fn watch_of(calls: u64) -> impl Fn(u64) -> bool + Sync {
+    let left = AtomicU64::new(calls);
+    let less = |n: u64| n.checked_sub(1);
+    move |_| left.fetch_update(Relaxed, Relaxed, less).is_ok()
+}
+
 /// Does some work on so many threads.
 pub fn with_threads<T: Send>(
     n: usize,
@@ -434,12 +441,7 @@ fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
     let size = (600, 500);
     // A pass that is cut off in its middle, and what a checkpoint keeps.
     let mut film = Film::new(size.0, size.1);
-    let left = AtomicU64::new(500);
-    let watch = |_| {
-        let less = |n: u64| n.checked_sub(1);
-        left.fetch_update(Relaxed, Relaxed, less).is_ok()
-    };
-    let rays = job.pass(&mut film, 3, &watch);
+    let rays = job.pass(&mut film, 3, &watch_of(500));
     assert_eq!(film.samples(), 0);
     assert!(film.rows().any(|pixel| pixel.count() == 3));
     let mut convergence = Convergence::default();

@@ -12,7 +12,7 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use roxmltree::{Document, Node};
 
 /// A point of the curve of a run whose error falls as theory wants.
-fn point(spp: u64) -> CurvePoint {
+pub fn point(spp: u64) -> CurvePoint {
     let n = spp as f64;
     let error = (spp > 1).then_some(0.4 / n.sqrt());
     CurvePoint {
@@ -311,8 +311,7 @@ fn every_decade_of_either_axis_has_its_label() {
             });
             let ends = exponents.iter().position(|&n| n == -1);
             assert!(ends.is_some(), "0.1 to 1 for an error of 0.2");
-            let first = first.log10().floor() as i32;
-            assert_eq!(exponents[0], first);
+            assert_eq!(exponents[0], first.log10().floor() as i32);
             let rising = |w: &&[i32]| w[1] == w[0] + 1;
             let breaks = exponents.windows(2).filter(|w| !rising(w));
             assert!(breaks.count() <= 1, "{exponents:?}");

@@ -169,6 +169,20 @@ fn a_signal_ends_the_run_with_its_image_and_report() {
     }
 }
 
+/// Does something again and again until a run ends, within so many seconds.
+fn until_the_end(
+    mut child: Running,
+    seconds: u64,
+    again: impl Fn(&Running),
+) -> Run {
+    let start = Instant::now();
+    while child.0.try_wait().unwrap().is_none() {
+        again(&child);
+        assert!(start.elapsed() < Duration::from_secs(seconds));
+    }
+    finish(child)
+}
+
 /// Whether a program on Linux catches all signals that end a run.
 fn listens(id: u32) -> bool {
     let status = format!("/proc/{id}/status");
@@ -203,17 +217,13 @@ fn slow_to_write(place: &Scratch) -> Option<Running> {
 #[test]
 fn a_warning_may_come_again_and_is_not_the_first_of_two_signals() {
     let place = Scratch::new();
-    let Some(mut child) = slow_to_write(&place) else { return };
+    let Some(child) = slow_to_write(&place) else { return };
     for name in ["USR1", "TERM"] {
         signal(name, &child);
         thread::sleep(Duration::from_millis(200));
     }
-    let start = Instant::now();
-    while child.0.try_wait().unwrap().is_none() {
-        signal("XCPU", &child);
-        assert!(start.elapsed() < Duration::from_secs(60));
-    }
-    let status = finish(child).status.unwrap();
+    let run = until_the_end(child, 60, |child| signal("XCPU", child));
+    let status = run.status.unwrap();
     assert!([138, 143, 152].contains(&status), "{status}");
     place.image("a.exr");
     assert_eq!(place.json("r.json")["stopped"], "signal");
@@ -229,14 +239,10 @@ fn a_second_signal_ends_the_program_at_once() {
         ("TERM", "TERM", [143, 143]),
         ("INT", "TERM", [130, 143]),
     ] {
-        let Some(mut child) = slow_to_write(&place) else { return };
+        let Some(child) = slow_to_write(&place) else { return };
         signal(first, &child);
-        let start = Instant::now();
-        while child.0.try_wait().unwrap().is_none() {
-            signal(second, &child);
-            assert!(start.elapsed() < Duration::from_secs(30));
-        }
-        let status = finish(child).status.unwrap();
+        let run = until_the_end(child, 30, |child| signal(second, child));
+        let status = run.status.unwrap();
         assert!(ends.contains(&status), "{status}");
         // Where the second signal arrives while files are written, each of
         // them is whole, or has a name that only we use.
@@ -309,15 +315,11 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
 fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
     let place = Scratch::new();
     let command = place.pt(&format!("{FILES} --checkpoint=c"));
-    let mut child = keep_reading(command);
+    let child = keep_reading(command);
     signal("TERM", &child);
-    let start = Instant::now();
     // The pipe stays open: nothing but the signal ends the program.
-    while child.0.try_wait().unwrap().is_none() {
-        assert!(start.elapsed() < Duration::from_secs(30));
-        thread::sleep(Duration::from_millis(1));
-    }
-    let run = finish(child);
+    let wait = |_: &_| thread::sleep(Duration::from_millis(1));
+    let run = until_the_end(child, 30, wait);
     let line = "error: no image: signal 15 came while reading\n";
     assert_eq!((run.status, run.stderr.as_str()), (Some(143), line));
     place.holds_only(&[]);
@@ -612,8 +614,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
     convergence.seconds = 0.5;
     let before = Report { convergence, ..Report::default() };
     let report = before.complete(&film);
-    let lines = report.summary(2);
-    assert!(lines.iter().all(|(name, _)| *name != "pixels"));
+    assert!(report.summary(2).iter().all(|(name, _)| *name != "pixels"));
     let Report { convergence, .. } = report;
     assert!(before.convergence.curve.is_empty());
     let last = convergence.last();
@@ -650,8 +651,7 @@ fn a_signal_is_answered() {
     // To summarise so many pixels takes longer than to answer.
     let words = format!("{SCENE} {FILES} -n1000000000 -d1500x1500");
     let mut child = spawn(&mut place.pt(&words));
-    let started = || place.path("r.json").exists();
-    wait_until(&mut child, "report", started);
+    wait_until(&mut child, "report", || place.path("r.json").exists());
     signal("INT", &child);
     let run = finish(child);
     let answer = "> finishing; a second signal aborts";

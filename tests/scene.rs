@@ -298,14 +298,9 @@ fn a_scene_is_moved_along_the_axes_that_round_no_corner() {
         for axis in (0..3).filter(|&axis| rounds[axis]) {
             vertices[3000 * axis + 1500][axis] = 1. / 3.;
         }
-        let mesh = Mesh {
-            triangles: (0..3000)
-                .map(|i| [0, 1, 2].map(|k| 3 * i + k))
-                .collect(),
-            vertices,
-            joined: vec![],
-            marks: vec![],
-        };
+        let triangle = |i: u32| [0, 1, 2].map(|k| 3 * i + k);
+        let triangles = (0..3000).map(triangle).collect();
+        let mesh = Mesh { triangles, vertices, ..Mesh::default() };
         let placed = Scene::new(&mesh).triangles.to_vec();
         assert_eq!(placed.len(), 3000);
         let middle = DVec3::from(rounds.map(|r| if r { 0. } else { 512. }));
@@ -323,16 +318,15 @@ fn a_scene_is_moved_along_the_axes_that_round_no_corner() {
 fn the_triangles_with_area_keep_their_order() {
     let in_line = [DVec3::splat(0.25), DVec3::splat(0.5)];
     let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let (vertices, joined) = ([&corners[..], &in_line].concat(), vec![]);
+    let vertices = [&corners[..], &in_line].concat();
     let good = vec![[0, 1, 2], [0, 2, 3], [1, 2, 3]];
     let mut all = good.clone();
     all.splice(1..1, [[1, 1, 2], [4, 0, 5], [4, 4, 4]]);
     all.insert(5, [3, 0, 3]);
     let [some, all] = [good, all].map(|triangles| {
-        let (vertices, joined) = (vertices.clone(), joined.clone());
-        Scene::new(&Mesh { vertices, triangles, joined, marks: vec![] })
-            .triangles
-            .to_vec()
+        let vertices = vertices.clone();
+        let mesh = Mesh { vertices, triangles, ..Mesh::default() };
+        Scene::new(&mesh).triangles.to_vec()
     });
     assert_eq!((all.len(), all), (3, some));
 }

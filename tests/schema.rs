@@ -5,6 +5,7 @@
 
 use crate::prelude::*;
 
+use crate::report::point;
 use litpt::render::Share;
 
 /// The type of a value, as JSON Schema has it.
@@ -25,17 +26,10 @@ fn kind(value: &Value) -> &str {
 fn check(schema: &Value, values: &[&Value], path: &str) {
     let words: Vec<_> =
         schema.as_object().unwrap().keys().map(|w| &w[..]).collect();
-    let known =
-        ["$schema", "$comment", "title", "description", "type", "enum"];
-    let nested = [
-        "items",
-        "properties",
-        "required",
-        "additionalProperties",
-        "oneOf",
-    ];
-    let known = [&known[..], &nested].concat();
-    assert!(words.iter().all(|w| known.contains(w)), "{path}: {words:?}");
+    let known = "$schema $comment title description type enum items \
+                 properties required additionalProperties oneOf";
+    let is_known = |word: &&str| known.split(' ').any(|one| one == *word);
+    assert!(words.iter().all(is_known), "{path}: {words:?}");
     assert!(!values.is_empty(), "{path} is in no report");
     let types = schema["type"].to_string();
     for value in values {
@@ -88,22 +82,12 @@ fn check(schema: &Value, values: &[&Value], path: &str) {
 
 /// The report of a run on several ranks, of which nothing else is known.
 fn of_ranks() -> Report {
-    let seconds = 0.;
-    let point = CurvePoint {
-        spp: 1,
-        seconds,
-        rays: 0,
-        rmse: None,
-        target_error: None,
-        mean: 0.,
-        mean_stderr: None,
-        rmse_reference: None,
-        processor_seconds: Some(seconds),
-    };
+    let processor_seconds = Some(0.);
+    let point = CurvePoint { processor_seconds, ..point(1) };
     let mut report = Report::default();
     report.sign("pt");
     report.convergence.ranks = vec![Share::default(); 2];
-    report.convergence.processor_seconds = Some(seconds);
+    report.convergence.processor_seconds = processor_seconds;
     report.convergence.curve = vec![point];
     report
 }
@@ -130,13 +114,11 @@ fn reports() -> Vec<Value> {
     ];
     place.put("m.mtl", "newmtl a\nKd 0.5 0.5 0.5\n");
     place.put("p.txt", "0 0 0 0 0 1\n");
-    let named = format!("mtllib m.mtl\nusemtl a\n{}", ROOM);
-    place.put("named.obj", named);
-    let run = place.free(
-        "named.obj --points p.txt --materials --albedo a=0.4 --ground 0.2 \
-         --sky overcast -n64 -q -f -o p.csv --report=r.json",
-    );
-    run.succeeded();
+    place.put("named.obj", format!("mtllib m.mtl\nusemtl a\n{ROOM}"));
+    let points = "named.obj --points p.txt --materials --albedo a=0.4";
+    let files = "-n64 -q -f -o p.csv --report=r.json";
+    let sky = "--ground 0.2 --sky overcast";
+    place.free(&format!("{points} {sky} {files}")).succeeded();
     let of_points = place.json("r.json");
     let parts =
         ["--samples=0..4 -j1 -oa.litpt", "--samples=4..8 -j2 -ob.litpt"];
@@ -184,8 +166,6 @@ fn the_command_of_a_report_can_be_typed_again() {
     assert!(before < date && date <= SystemTime::now());
     assert!(!report["processor"].as_str().unwrap().is_empty());
     std::fs::remove_file(place.path("a.pgm")).unwrap();
-    let mut shell = place.command("sh");
-    let command = report["command"].as_str().unwrap();
-    outcome(shell.args(["-c", command])).succeeded();
+    place.shell(report["command"].as_str().unwrap()).succeeded();
     assert_eq!(place.get("a.pgm"), image);
 }

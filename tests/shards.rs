@@ -23,8 +23,8 @@ fn part(place: &Scratch, name: &str, options: &str) {
 
 /// The channels of an image, to the last bit.
 fn channels(place: &Scratch, name: &str) -> Vec<Option<Vec<u64>>> {
-    let image = Image::read(&place.path(name)).unwrap();
-    let Image { means, errors, samples, tile_errors, .. } = image;
+    let Image { means, errors, samples, tile_errors, .. } =
+        place.image(name);
     let bits = |v: Vec<f64>| v.into_iter().map(f64::to_bits).collect();
     [Some(means), errors, samples, tile_errors].map(|c| c.map(bits)).into()
 }
@@ -82,19 +82,13 @@ fn what_was_learnt_once_is_not_learnt_again() {
     place.done(&format!("{VIEW} {run} {A} --report=a.json"));
     part(&place, "0.litpt", &format!("{run} --samples=0..0"));
     let rays = |name: &str| place.json(name)["rays"].as_u64().unwrap();
-    for (i, options) in [
-        "--samples=0..9 --learnt=0.litpt",
-        "--samples=9..64 --tiles=1/2 --learnt=1.litpt",
-        "--samples=9..64 --tiles=2/2 --learnt=2.litpt",
-    ]
-    .iter()
-    .enumerate()
+    for (i, samples) in
+        [(1, "0..9"), (2, "9..64 --tiles=1/2"), (3, "9..64 --tiles=2/2")]
     {
-        part(
-            &place,
-            &format!("{}.litpt", i + 1),
-            &format!("{run} {options}"),
-        );
+        let samples = format!("--samples={samples}");
+        let learnt = format!("--learnt={}.litpt", i - 1);
+        let options = format!("{run} {samples} {learnt}");
+        part(&place, &format!("{i}.litpt"), &options);
     }
     let all = "1.litpt 2.litpt 0.litpt 3.litpt";
     merge(&place, &format!("{all} {B} --report=b.json")).succeeded();
@@ -115,9 +109,8 @@ fn what_was_learnt_once_is_not_learnt_again() {
         place.line(&run).failed(1, &[words]);
         assert!(!place.path("d.pfm").exists());
     }
-    place
-        .line("--resume=1.litpt --learnt=0.litpt")
-        .failed(2, &["cannot be used with"]);
+    let resume = "--resume=1.litpt --learnt=0.litpt";
+    place.line(resume).failed(2, &["cannot be used with"]);
     // A lie may be whole.
     let mut lie = Checkpoint::of_file(&place.path("3.litpt")).unwrap();
     let mut film = lie.known.run_key.film();
@@ -139,9 +132,8 @@ fn there_is_nothing_to_take_from_paths() {
     let taken = "=sobol --samples=0..16 -ob.litpt --learnt=a.litpt";
     let took = place.done(&format!("{run}{taken}"));
     assert!(!took.stderr.contains("learnt"), "{}", took.stderr);
-    let told = place
-        .done(&format!("{run}=gather --samples=0..0 -oc.litpt"))
-        .stderr;
+    let learns = format!("{run}=gather --samples=0..0 -oc.litpt");
+    let told = place.done(&learns).stderr;
     assert!(told.contains("learnt    "), "{told}");
     let size = place.get("c.litpt").len();
     let sums = 9 * 7 * 64;
@@ -153,10 +145,8 @@ fn there_is_nothing_to_take_from_paths() {
     state.known.learnt = Arc::default();
     let file = fs::File::create(place.path("c.litpt")).unwrap();
     save(&state.known, &state.known.run_key.film(), &mut &file).unwrap();
-    let nothing = "c.litpt: holds nothing learnt";
-    place
-        .line(&format!("{whole} -f --learnt=c.litpt"))
-        .failed(1, &[nothing]);
+    let again = place.line(&format!("{whole} -f --learnt=c.litpt"));
+    again.failed(1, &["c.litpt: holds nothing learnt"]);
     merge(&place, "c.litpt d.litpt -oe.litpt").succeeded();
     let merged = Checkpoint::of_file(&place.path("e.litpt")).unwrap();
     assert!(merged.known.learnt.get().is_some());
@@ -314,7 +304,7 @@ fn missing_parts_are_listed_and_need_a_permission() {
     let partial = format!("{files} --partial --report=r.json");
     let run = merge(&place, &partial).succeeded();
     assert_eq!(run.stderr, format!("warning: {told}\n"));
-    let image = Image::read(&place.path("c.exr")).unwrap();
+    let image = place.image("c.exr");
     assert_eq!(image.attributes["missing"], missing);
     assert_eq!(image.attributes["stopped"], "not yet");
     assert_eq!(place.json("r.json")["settings"]["missing"], missing);

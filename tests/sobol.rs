@@ -88,8 +88,7 @@ fn the_sizes_of_sets_are_powers_of_two() {
         assert!(result.is_err(), "{points}");
     }
     for log in [0, 1, 6, 7, 30] {
-        let sampler = SobolSampler::new(1, 1 << log);
-        assert_eq!(sampler.replicate(), 1 << log);
+        assert_eq!(SobolSampler::new(1, 1 << log).replicate(), 1 << log);
     }
 }
 

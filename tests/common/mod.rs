@@ -107,12 +107,14 @@ impl Scratch {
         assert_eq!(self.names(), expected);
     }
 
-    /// The command `program` here, with pipes at its three ends.
+    /// The command `program` here, with pipes at its three ends; `$PT` and
+    /// `$PTIMG` are the programs.
     pub fn command(&self, program: &str) -> Command {
         let mut command = Command::new(program);
         command.current_dir(self.0.path());
         command.env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE");
         command.env("RUST_BACKTRACE", "0").env("TERM", "xterm");
+        command.env("PT", PT).env("PTIMG", PTIMG);
         command.stdin(Stdio::null());
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         // SAFETY: a signal handler may call what is called here.
@@ -151,9 +153,13 @@ impl Scratch {
 
     /// Runs `pt` under a limit of the shell.
     pub fn within(&self, limit: &str, arguments: &str) -> Run {
-        let pt = format!("exec \"$0\" -p0,0,0 {arguments}");
-        let script = format!("ulimit {limit}; {pt}");
-        outcome(self.command("sh").args(["-c", &script, PT]))
+        let pt = format!("exec \"$PT\" -p0,0,0 {arguments}");
+        self.shell(&format!("ulimit {limit}; {pt}"))
+    }
+
+    /// Runs a script of the shell.
+    pub fn shell(&self, script: &str) -> Run {
+        outcome(self.command("sh").args(["-c", script]))
     }
 
     /// The command `ptimg` with the words of a line.

@@ -36,12 +36,9 @@ fn nested(n: i32) -> Scene {
 
 fn scene(triangles: Vec<[DVec3; 3]>) -> Scene {
     let numbers = (0..triangles.len() as u32).map(|i| 3 * i);
-    Scene::new(&Mesh {
-        triangles: numbers.map(|i| [i, i + 1, i + 2]).collect(),
-        vertices: triangles.into_iter().flatten().collect(),
-        joined: vec![],
-        marks: vec![],
-    })
+    let vertices = triangles.into_iter().flatten().collect();
+    let triangles = numbers.map(|i| [i, i + 1, i + 2]).collect();
+    Scene::new(&Mesh { triangles, vertices, ..Mesh::default() })
 }
 
 /// Clusters of ever smaller triangles, one in the other.
