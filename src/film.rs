@@ -423,18 +423,18 @@ impl Film {
         window: Window,
         own: Option<&[u32]>,
     ) -> Vec<f64> {
-        let mut counts = self.values(window, 0., |_, p| p.count() as f64);
+        let counts = self.values(window, 0., |_, p| p.count() as f64);
         let (whole, (left, top)) = (self.whole, window.corner);
-        let (left, top) = (left - whole.corner.0, top - whole.corner.1);
-        let columns = window.size.0 as usize;
-        for (y, row) in (top as usize..).zip(counts.chunks_mut(columns)) {
-            let start = y * whole.size.0 as usize + left as usize;
-            for (i, count) in row.iter_mut().enumerate() {
-                let own = own.map(|own| u64::from(own[start + i]));
-                *count *= own.unwrap_or(self.replicate) as f64;
-            }
-        }
-        counts
+        let at = |i: u32| {
+            let (x, y) =
+                (left + i % window.size.0, top + i / window.size.0);
+            (y - whole.corner.1) * whole.size.0 + x - whole.corner.0
+        };
+        let each = |i| {
+            own.map_or(self.replicate, |own| own[at(i) as usize].into())
+                as f64
+        };
+        (0..).zip(counts).map(|(i, count)| count * each(i)).collect()
     }
 
     /// The samples that every pixel has at least.

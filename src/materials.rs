@@ -66,8 +66,12 @@ pub fn libraries(
     for name in files.filter(|name| seen.insert(name.clone())) {
         // Read one library
         let shown = folder.join(quoted(&name)).display().to_string();
+        let path = folder.join(name);
+        if path.exists() && !path.is_file() {
+            return Err(format!("{shown}: not a file"));
+        }
         let instead = "without --materials, -r is the albedo of all";
-        fs::read(folder.join(name))
+        fs::read(path)
             .map_err(|error| format!(": {error}; {instead}"))
             .and_then(|bytes| read_mtl(&bytes, &shown, &used, &mut all))
             .map_err(|error| shown + &error)?;
@@ -81,8 +85,8 @@ pub fn libraries(
     if let Some(name) = used.iter().find(is_unknown) {
         let (name, n) = (quoted(name), used.len() - all.diffuse.len());
         warnings.push(format!(
-            "{scene}: material {name} has no Kd r g b, and is given the albedo \
-             of -r or --albedo: the first of {n} materials"
+            "{scene}: no library has a Kd r g b of material {name}, which is \
+             given the albedo of -r or --albedo: the first of {n} materials"
         ));
     }
     // Take one number of each material

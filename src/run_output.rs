@@ -174,7 +174,9 @@ impl<'a> RunOutput<'a> {
         let behind = known.run_key.subject.sky.behind;
         let is_exr = has(Product::Image(Format::Exr));
         let auto = is_exr.then(|| *auto);
-        let cut = behind.filter(|_| is_png || is_exr).and_then(|_| hits());
+        let cut = behind.filter(|_| is_png || is_exr);
+        let cut =
+            cut.filter(|_| film.unsampled() == 0).and_then(|_| hits());
         let opacity = cut.and_then(|hits| hits.opacity.as_deref());
         let known = &*known;
         let report = LazyCell::new(|| known.report.complete(film));
@@ -260,7 +262,9 @@ impl<'a> RunOutput<'a> {
         let threads = rayon::current_num_threads() as f64;
         let is_filtered = self.known.run_key.filtered;
         let filter = if is_filtered { 5000. / threads } else { 0. };
-        let all = summary + files + filter;
+        let is_cut = self.known.run_key.subject.sky.behind.is_some();
+        let cut = if is_cut { 5000. / threads } else { 0. };
+        let all = summary + files + filter + cut;
         [none, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
     }
 }

@@ -135,36 +135,31 @@ const UNITS: f64 = power_of_two(32);
 pub struct Receivers {
     /// The number of each that may have a value, in the order of the film.
     pub numbers: Vec<u32>,
-    surfaces: Surface,
-    /// Why others have none, and their numbers.
-    pub refused: Vec<(Oddity, u32)>,
-    /// Why some have a value that may not be meant, and their numbers.
-    pub doubted: Vec<(Oddity, u32)>,
+    all: Vec<Receiver>,
+    /// The triangles of faces, without those that have no area; each with
+    /// twice the area of the face up to its end.
+    parts: Vec<(Triangle, f64)>,
+    /// What is odd about receivers, and their numbers.
+    pub odd: Vec<(Oddity, u32)>,
+    /// How many were asked for.
+    pub asked: usize,
 }
 
-/// What odd receivers are, or have, in words.
-pub type Oddity = &'static str;
+/// Whether an odd receiver has a value nevertheless, and where it is, or what
+/// it has not, in words.
+pub type Oddity = (bool, &'static str);
 
 /// What is around receivers: surfaces, their frame, and the unit vector to the
 /// zenith.
 pub type Around<'a> = (&'a Bvh, &'a Frame, DVec3);
 
 /// What receives.
-enum Surface {
+#[derive(Clone)]
+enum Receiver {
     /// A point, and the normal there.
-    Points(Vec<Hit>),
-    /// Faces: the triangles of each, and whether it is the back that
-    /// receives; and all triangles.
-    Faces(Vec<(Range<u32>, bool)>, Vec<Part>),
-}
-
-/// A triangle of a face.
-struct Part {
-    corners: Triangle,
-    /// Twice its area, with the triangles of the face before it.
-    until: f64,
-    /// Its unit normal, at the front.
-    normal: DVec3,
+    Point(Hit),
+    /// A face: which parts it has, and whether it is its back.
+    Face(Range<usize>, bool),
 }
 
 impl Receivers {
@@ -177,54 +172,51 @@ impl Receivers {
     /// below 2^32, choose, as a hit on no triangle.
     #[inline]
     pub fn hit(&self, i: usize, u: [u32; 2]) -> Hit {
-        let (faces, triangles) = match &self.surfaces {
-            Surface::Points(hits) => return hits[i],
-            Surface::Faces(faces, triangles) => (faces, triangles),
+        let (own, is_back) = match &self.all[i] {
+            Receiver::Point(hit) => return *hit,
+            Receiver::Face(own, is_back) => (own.clone(), *is_back),
         };
-        let (Range { start, end }, is_back) = &faces[i];
-        let parts = &triangles[*start as usize..*end as usize];
+        let parts = &self.parts[own];
         let [u, v] = u.map(to_unit);
         // Choose a point of a face
-        let at = u * parts[parts.len() - 1].until;
-        let part = parts.partition_point(|part| part.until <= at);
-        let before = if part == 0 { 0. } else { parts[part - 1].until };
-        let Part { corners, until, normal } = parts[part];
+        let at = u * parts[parts.len() - 1].1;
+        let part = parts.partition_point(|&(_, until)| until <= at);
+        let before = if part == 0 { 0. } else { parts[part - 1].1 };
+        let (corners, until) = parts[part];
         let [a, b, c] = corners;
         let root = ((at - before) / (until - before)).sqrt();
         let point = a + ((b - a) * (1. - v) + (c - a) * v) * root;
-        let normal = if *is_back { -normal } else { normal };
+        let normal = cross(b - a, c - a);
+        let across = if is_back { -normal } else { normal };
+        let normal = across / normal.length();
         let point = lifted(&corners, point, normal);
         Hit { point, normal, primitive: NONE }
     }
 
-    /// All points, in the coordinates of the file, and their normals.
-    pub fn points(all: &[DVec3], normals: &[DVec3], frame: &Frame) -> Self {
-        let all = all.par_iter().zip(normals).map(|(&p, &normal)| {
-            let normal = normalise(normal).normalize_or_zero();
-            let place = frame.entrance(p).place();
-            point(place.ok_or("are too far away")?, normal)
+    /// Points of a file.
+    pub fn points(points: &[Point], frame: &Frame) -> Self {
+        let all = points.par_iter().map(|&(place, normal, _)| {
+            let place =
+                frame.entrance(place).place().ok_or("too far away")?;
+            point(place, normalise(normal).normalize_or_zero())
         });
-        Self::sifted(all.collect(), Surface::Points)
+        Self::sifted(all.collect(), vec![])
     }
 
     /// Those that may have a value, and the others.
-    fn sifted<T>(
-        all: Vec<Result<T, Oddity>>,
-        surfaces: impl FnOnce(Vec<T>) -> Surface,
+    fn sifted(
+        all: Vec<Result<Receiver, &'static str>>,
+        parts: Vec<(Triangle, f64)>,
     ) -> Self {
-        let (mut numbers, mut sound, mut refused) =
-            (vec![], vec![], vec![]);
+        let (mut sound, mut odd, asked) = (vec![], vec![], all.len());
         for (number, one) in (0..).zip(all) {
             match one {
-                Ok(one) => {
-                    numbers.push(number);
-                    sound.push(one);
-                }
-                Err(why) => refused.push((why, number)),
+                Ok(one) => sound.push((number, one)),
+                Err(why) => odd.push(((false, why), number)),
             }
         }
-        let (surfaces, doubted) = (surfaces(sound), vec![]);
-        Self { numbers, surfaces, refused, doubted }
+        let (numbers, all) = sound.into_iter().unzip();
+        Self { numbers, all, parts, odd, asked }
     }
 
     /// A point of each.
@@ -240,36 +232,23 @@ impl Receivers {
         around: Around,
         key: impl Fn(&Hit) -> u64 + Sync,
     ) {
-        let is_point = matches!(self.surfaces, Surface::Points(_));
         let all = (0..self.count()).into_par_iter().map(|i| {
             let hit = self.hit(i, [1 << 31; 2]);
-            let odd = is_point.then(|| oddity(around, &hit));
-            let (is_refused, why) = odd.unwrap_or_default();
-            (is_refused, key(&hit), i, why)
+            let is_point = matches!(self.all[i], Receiver::Point(_));
+            let odd = is_point.then(|| oddity(around, &hit)).flatten();
+            (key(&hit), i, odd)
         });
         let mut all: Vec<_> = all.collect();
         all.par_sort_unstable();
         // Set odd receivers aside
-        let odd = all.iter().filter(|(.., why)| !why.is_empty());
-        for &(is_refused, _, i, why) in odd {
-            let [sound, none] = [&mut self.doubted, &mut self.refused];
-            let odd = if is_refused { none } else { sound };
-            odd.push((why, self.numbers[i]));
-        }
-        self.refused.sort_unstable();
-        self.doubted.sort_unstable();
-        all.retain(|(is_refused, ..)| !is_refused);
-        // Put receivers in order
-        let order = all.iter().map(|&(_, _, i, _)| i);
+        let odd =
+            |&(_, i, odd): &(_, usize, _)| Some((odd?, self.numbers[i]));
+        self.odd.extend(all.iter().filter_map(odd));
+        self.odd.sort_unstable();
+        all.retain(|(.., odd)| odd.is_none_or(|(has_value, _)| has_value));
+        let order = all.iter().map(|&(_, i, _)| i);
         self.numbers = order.clone().map(|i| self.numbers[i]).collect();
-        match &mut self.surfaces {
-            Surface::Points(hits) => {
-                *hits = order.map(|i| hits[i]).collect()
-            }
-            Surface::Faces(faces, _) => {
-                *faces = order.map(|i| faces[i].clone()).collect();
-            }
-        }
+        self.all = order.map(|i| self.all[i].clone()).collect();
     }
 }
 
@@ -278,10 +257,10 @@ impl Receivers {
 const LIFT: f64 = power_of_two(-9);
 
 /// A lifted point of the scene.
-fn point(place: DVec3, normal: DVec3) -> Result<Hit, Oddity> {
+fn point(place: DVec3, normal: DVec3) -> Result<Receiver, &'static str> {
     let hit = Hit { point: place + normal * LIFT, normal, primitive: NONE };
     let has_normal = normal != DVec3::ZERO && normal.is_finite();
-    has_normal.then_some(hit).ok_or("have no normal")
+    has_normal.then_some(Receiver::Point(hit)).ok_or("without a normal")
 }
 
 /// Whether a triangle of a kind is this close to a point.
@@ -298,8 +277,8 @@ fn has_near(
     )
 }
 
-/// A point, its normal, and the line that they stand in.
-type Point = (DVec3, DVec3, u32);
+/// A point, its normal, and the line that they stand in, from 1.
+pub type Point = (DVec3, DVec3, u32);
 
 /// Reads points with normals, in the coordinates of the file; a warning tells
 /// what was left out of a compressed one. Messages begin with a colon.
@@ -314,12 +293,13 @@ pub fn read_points(
     let text = encoding::text(source, warnings)?;
     let text = String::from_utf8_lossy(&text).replace("\r\n", "\n");
     let lines: Vec<&str> = text.split(['\n', '\r']).collect();
-    let numbered = lines.par_iter().enumerate();
+    let lines = lines.par_iter().enumerate();
     let points =
-        numbered.filter_map(|(i, line)| read_point(i, line).transpose());
-    let points: Vec<_> = points.collect::<Result<_, String>>()?;
-    let has_some = !points.is_empty();
-    has_some.then_some(points).ok_or(": no point".to_owned())
+        lines.filter_map(|(i, line)| read_point(i, line).transpose());
+    match points.collect::<Result<Vec<_>, _>>()? {
+        none if none.is_empty() => Err(": no point".to_owned()),
+        points => Ok(points),
+    }
 }
 
 /// The point of a line, unless it is a comment, empty, or the head.
@@ -335,17 +315,17 @@ fn read_point(i: usize, line: &str) -> Result<Option<Point>, String> {
         return Ok(None);
     }
     // Make a point of six numbers
-    let numbers = words.iter().filter_map(|word| word.parse().ok());
-    let numbers = numbers.filter(|x: &f64| x.is_finite());
-    let numbers: Vec<f64> = numbers.collect();
+    let number =
+        |word: &&str| word.parse().ok().filter(|x| f64::is_finite(*x));
+    let numbers: Option<Vec<f64>> = words.iter().map(number).collect();
     let is_decimal =
         |field: &str| field.trim_matches(',').matches(',').count() == 1;
     let hint = match line.split(is_gap).any(is_decimal) {
         true => "; a decimal sign is a point, as in 0.5",
         false => "",
     };
-    match numbers[..] {
-        [x, y, z, nx, ny, nz] if words.len() == 6 && hint.is_empty() => {
+    match numbers.as_deref() {
+        Some(&[x, y, z, nx, ny, nz]) if hint.is_empty() => {
             let normal = DVec3::new(nx, ny, nz);
             Ok(Some((DVec3::new(x, y, z), normal, i as u32 + 1)))
         }
@@ -357,22 +337,21 @@ fn read_point(i: usize, line: &str) -> Result<Option<Point>, String> {
     }
 }
 
-/// Whether a point has no value, and why; or why it may not be meant. Nothing
-/// is said of others.
-fn oddity((bvh, frame, zenith): Around, hit: &Hit) -> (bool, Oddity) {
-    if bvh.ground_below(hit.point) < -0.75 * LIFT {
-        (true, "are below the ground")
+/// What is odd about a point, if anything is.
+fn oddity((bvh, frame, zenith): Around, hit: &Hit) -> Option<Oddity> {
+    Some(if bvh.ground_below(hit.point) < -0.75 * LIFT {
+        (false, "below the ground")
     } else if has_near(bvh, hit.point, 0.125 * LIFT, |_| true) {
-        (true, "are in an edge, or too close to a surface")
+        (false, "in an edge, or too close to a surface")
     } else if frame.is_far(hit.point) {
-        (false, "are outside by ten times the size of the scene")
+        (true, "outside by ten times the size of the scene")
     } else if looks_into(bvh, hit) {
-        (false, "have a normal into the surface that they lie on")
+        (true, "on a surface into which the normal points")
     } else if is_inside(bvh, hit.point, zenith) {
-        (false, "are inside a closed body")
+        (true, "inside a closed body")
     } else {
-        (false, "")
-    }
+        return None;
+    })
 }
 
 /// Whether the normal of a lifted point is into a surface on which it lay.
@@ -388,18 +367,16 @@ fn looks_into(bvh: &Bvh, &Hit { point, normal, .. }: &Hit) -> bool {
 fn is_inside(bvh: &Bvh, origin: DVec3, zenith: DVec3) -> bool {
     (0..RAYS).all(|i| {
         let direction = on_sphere(i);
-        let ray = |origin| Ray { origin, direction };
-        bvh.first_hit(&ray(origin), None).is_some_and(|hit| {
-            let left = Some(hit.primitive);
-            let next = || bvh.first_hit(&ray(hit.point), left);
-            let is_back = |next: Hit| {
-                next.point.distance(hit.point) < LIFT
-                    && bvh.is_on_back(&next)
-            };
-            zenith.dot(direction) <= 0.
-                || is_back(hit)
-                || next().is_some_and(is_back)
-        })
+        let hit =
+            |origin, left| bvh.first_hit(&Ray { origin, direction }, left);
+        let Some(first) = hit(origin, None) else { return false };
+        let is_back = |next: Hit| {
+            let gap = next.point.distance(first.point);
+            gap < LIFT && bvh.is_on_back(&next)
+        };
+        let next = || hit(first.point, Some(first.primitive));
+        let is_up = zenith.dot(direction) > 0.;
+        !is_up || is_back(first) || next().is_some_and(is_back)
     })
 }
 
@@ -429,49 +406,37 @@ impl Receivers {
                 normals[corner as usize] += normal * angle;
             }
         }
-        let normals = normals.iter().map(|n| n.normalize_or_zero());
-        let all = places.iter().zip(normals).map(|(&p, n)| point(p, n));
-        Self::sifted(all.collect(), Surface::Points)
+        let all = places.iter().zip(normals);
+        let all =
+            all.map(|(&p, normal)| point(p, normal.normalize_or_zero()));
+        Self::sifted(all.collect(), vec![])
     }
 
-    /// The faces with these triangles, given the face of each, on one side or
-    /// on both; the number of a face on both is doubled, plus one for its back.
+    /// The faces with these triangles, given the face of each, on these sides;
+    /// the number of a face on both is doubled, plus one for its back.
     pub fn faces(
-        vertices: &[DVec3],
-        triangles: &[[u32; 3]],
+        mut triangles: impl Iterator<Item = Triangle>,
         faces: &[u32],
-        side: Side,
+        backs: &[bool],
     ) -> Self {
-        let backs: &[bool] = match side {
-            Side::Front => &[false],
-            Side::Back => &[true],
-            Side::Both => &[false, true],
-        };
         let (mut all, mut parts) = (vec![], vec![]);
-        let mut triangles = triangles.iter();
         for face in faces.chunk_by(|a, b| a == b) {
             // Take the triangles of a face
-            let start = parts.len() as u32;
-            let mut until = 0.;
-            for corners in triangles.by_ref().take(face.len()) {
-                let corners =
-                    corners.map(|corner| vertices[corner as usize]);
-                let [a, b, c] = corners;
-                let normal = cross(b - a, c - a);
-                let area = normal.length();
+            let (start, mut until) = (parts.len(), 0.);
+            for [a, b, c] in triangles.by_ref().take(face.len()) {
+                let area = cross(b - a, c - a).length();
                 until += area;
                 if area > 0. {
-                    let normal = normal / area;
-                    parts.push(Part { corners, until, normal });
+                    parts.push(([a, b, c], until));
                 }
             }
-            let own = start..parts.len() as u32;
-            let has_area = !own.is_empty();
-            let own = has_area.then_some(own).ok_or("have no area");
-            let side = |&is_back| Ok((own.clone()?, is_back));
-            all.extend(backs.iter().map(side));
+            let own = start..parts.len();
+            all.extend(backs.iter().map(|&is_back| match own.is_empty() {
+                true => Err("without area"),
+                false => Ok(Receiver::Face(own.clone(), is_back)),
+            }));
         }
-        Self::sifted(all, |all| Surface::Faces(all, parts))
+        Self::sifted(all, parts)
     }
 }
 
@@ -487,4 +452,15 @@ pub enum Side {
     Back,
     /// Each of them.
     Both,
+}
+
+impl Side {
+    /// Whether it is the back, for each side.
+    pub fn backs(self) -> &'static [bool] {
+        match self {
+            Self::Front => &[false],
+            Self::Back => &[true],
+            Self::Both => &[false, true],
+        }
+    }
 }

@@ -238,7 +238,7 @@ fn run(
     let auto = image.is_some().then_some(Exposure::Auto);
     output.exposure = options.exposure.or(auto);
     // Collect the limits
-    let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
+    let most = deadline.map_or(0., |end| seconds_to(end) * 2. / 3.);
     let seconds = output.seconds_to_write(run.0.area());
     let measure = output.known.report.measure;
     let limits = Limits {
@@ -374,7 +374,7 @@ fn open_files(
         Ok((product?, OutputTarget::file(path, force(path))?))
     };
     let image = |path| match options.has_receivers() {
-        true => TableFormat::of(path).map(Product::Table),
+        true => TableFormat::of(path, options.vertices).map(Product::Table),
         false => format_of(path, usual).map(Product::Image),
     };
     let images = options.images().map(|path| open(image(path), path));
@@ -530,10 +530,15 @@ fn parse(options: &Options, bytes: &[u8]) -> Result<Mesh, String> {
     let read = read_file(bytes).map_err(|error| format!("{file}{error}"));
     drop(step);
     let (mesh, warnings) = read?;
+    warn_all(&file, warnings);
+    Ok(mesh)
+}
+
+/// Prints warnings that follow the name of a file.
+fn warn_all(file: &str, warnings: Vec<String>) {
     for warning in warnings {
         progress::warn(&format!("{file}{warning}"));
     }
-    Ok(mesh)
 }
 
 /// The receivers that are asked for, if any, and their table.
@@ -543,33 +548,26 @@ fn asked(
     mesh: &Mesh,
     albedos: &FaceAlbedos,
 ) -> Result<Option<(Asked, Table)>, String> {
-    let of_mesh = |asked, shape| {
-        (asked, shape, mesh.vertices.clone(), mesh.triangles.clone())
-    };
-    let (asked, shape, vertices, triangles) = match options {
+    let (asked, shape) = match options {
         Options { points: Some(path), .. } => {
             let (file, mut odd) = (input_name(path), vec![]);
             let read = read_points(points, &mut odd);
-            let read = read.map_err(|e| format!("{file}{e}"));
-            for odd in odd {
-                progress::warn(&format!("{file}{odd}"));
-            }
-            let (places, normals, lines) = read?.into_iter().collect();
-            let asked = Asked::Points(sha256(points));
-            (asked, Shape::Points(normals, lines), places, vec![])
+            let read = read.map_err(|e| format!("{file}{e}"))?;
+            warn_all(&file, odd);
+            (Asked::Points(sha256(points)), Shape::Points(read))
         }
         &Options { faces: Some(side), .. } => {
-            of_mesh(Asked::Faces(side), Shape::Faces(mesh.faces(), side))
+            (Asked::Faces(side), Shape::Faces(mesh.faces(), side.backs()))
         }
         Options { vertices: true, .. } => {
-            of_mesh(Asked::Vertices, Shape::Vertices)
+            (Asked::Vertices, Shape::Vertices)
         }
         _ => return Ok(None),
     };
     let albedos = options.radiosity.then(|| albedos.clone());
-    let marks = mesh.marks.clone();
-    let table = Table { shape, vertices, triangles, marks, albedos };
-    Ok(Some((asked, table)))
+    let mesh = options.points.is_none().then(|| mesh.clone());
+    let mesh = mesh.unwrap_or_default();
+    Ok(Some((asked, Table { shape, mesh, albedos })))
 }
 
 /// The camera of what is shown.
@@ -818,8 +816,9 @@ fn build(
     let (count, all) = (too_small(&triangles), triangles.len());
     if count > 0 {
         progress::warn(&format!(
-            "{count} of {all} triangles are smaller than 2^-40 of the largest, \
-             or 2^-43 of the scene: close to larger ones the light may be wrong"
+            "smaller than 2^-40 of the largest triangle, or 2^-43 of the scene: \
+             {count} of {all} triangles; close to larger ones the light may be \
+             wrong"
         ));
     }
     // Build the hierarchy and show how far it is
@@ -837,8 +836,7 @@ fn build(
         all.settle(around, |hit| grid.order(hit));
         let file = options.points.as_deref().map(input_name);
         let file = file.unwrap_or(options.input_name());
-        let warn = |odd| progress::warn(&format!("{file}: {odd}"));
-        table.odd(all).into_iter().for_each(warn);
+        warn_all(&(file + ": "), table.odd(all));
         let (count, name) = (all.count(), table.shape.name());
         if count == 0 {
             return Err(format!("none of the {name} has a value"));
@@ -850,7 +848,7 @@ fn build(
         let rows = subject.sensed.window().tile_rows(height);
         if options.tiles.is_some_and(|(_, n)| n > rows) {
             return Err(format!(
-                "--tiles: the {count} {name} have {rows} tiles, and not more bands"
+                "--tiles: not more bands than there are tiles of {name}: {rows}"
             ));
         }
     }

@@ -649,3 +649,21 @@ fn pixels_without_a_sample_are_filled_in_levels_and_no_numbers_elsewhere() {
     }
     assert!(said.contains("not finite numbers: 2988"), "{said}");
 }
+
+/// Blocks of an EXR without a sample are compressed once, and stand where
+/// they belong, also at the rims.
+#[test]
+fn an_exr_of_few_samples_has_them_where_they_are() {
+    let mut film = Film::new(330, 200);
+    for FilmTile { tile, pixels, .. } in film.tiles() {
+        if [(0, 0), (160, 96), (320, 192)].contains(&tile.corner) {
+            let value = f64::from(tile.corner.0);
+            pixels.iter_mut().for_each(|pixel| pixel.add(value));
+        }
+    }
+    let image = unnamed(&film).image();
+    let (read, _) = noted(&bytes(Format::Exr, &image));
+    let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
+    assert!(image.means.iter().zip(&read.means).all(same));
+    assert_eq!(image.samples, read.samples);
+}

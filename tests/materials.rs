@@ -90,15 +90,20 @@ fn what_is_no_albedo_is_refused_or_told_with_its_line() {
 }
 
 /// Files that a scene names, its albedos, and what the last message says.
-const FILES: [(&str, &[f64], &str); 9] = [
+const FILES: [(&str, &[f64], &str); 10] = [
     ("a.mtl b.mtl", &[0.25, 0.5], "b.mtl:2: material T\u{f6}r is given an"),
     ("b.mtl\nmtllib my a.mtl", &[0.5, 0.5], "my a.mtl:2: material T"),
     ("my a.mtl your b", &[0.75, 1.], ""),
     ("\"my a.mtl\" \"your b\"", &[0.75, 1.], ""),
     ("d.mtl\\..\\b.mtl", &[0.5, 0.5], ""),
-    ("a.mtl", &[0.25], "s.obj: material T\u{fc}r has no Kd r g b, and is"),
+    (
+        "a.mtl",
+        &[0.25],
+        "s.obj: no library has a Kd r g b of material T\u{fc}r, ",
+    ),
     ("a.mtl none.mtl", &[], "none.mtl: No such file"),
-    ("d.mtl", &[], "d.mtl: Is a directory"),
+    ("d.mtl", &[], "d.mtl: not a file"),
+    ("/dev/zero", &[], "/dev/zero: not a file"),
     ("\u{1b}", &[], "\\u{1b}: No such file"),
 ];
 

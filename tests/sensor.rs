@@ -183,7 +183,7 @@ fn a_face_sees_the_sky_beside_an_opposite_wall() {
     );
     let run = place.free("street.obj --faces=both -r0 -n4096").succeeded();
     assert!(run.stderr.contains(
-        "2 of 6 faces have no value: 2 have no area, the first 3"
+        "no value for 2 of 6 faces: without area: 2, the first 3"
     ));
     let (head, found) = values(&run.stdout);
     assert!(head.starts_with("face,side,value,"));
@@ -268,9 +268,9 @@ fn what_has_no_value_is_counted_and_named() {
         found.iter().map(|[value, _]| value.is_finite()).collect();
     assert_eq!(is_known, [true, false, false, false, true]);
     assert!(run.stderr.contains(
-        "points.txt: 3 of 5 points have no value: 1 are in an edge, or too \
-         close to a surface, the first in line 4; 1 are too far away, the \
-         first in line 5; 1 have no normal, the first in line 3"
+        "points.txt: no value for 3 of 5 points: in an edge, or too close to \
+         a surface: 1, the first in line 4; too far away: 1, the first in \
+         line 5; without a normal: 1, the first in line 3"
     ));
     for (text, fault) in [
         ("0 0 0 0 1\n", ":1: expected x y z nx ny nz, six numbers"),
@@ -298,7 +298,10 @@ fn receivers_have_tables_and_no_images() {
         ("--points p.txt --faces", "cannot be used with"),
         ("--points p.txt -p 1,2,3", "cannot be used with"),
         ("--radiosity", "required"),
-        ("--points p.txt --tiles 1/2 -n 4", "not more bands"),
+        (
+            "--points p.txt --tiles 1/2 -n 4",
+            "not more bands than there are tiles of points: 1",
+        ),
     ] {
         let run = place.free(&format!("room.obj -n16 {line}"));
         assert!(run.status.is_some_and(|status| status > 0), "{line}");
@@ -418,8 +421,8 @@ fn a_camera_is_no_part_of_a_run_of_receivers() {
     run("--resume all.litpt -o b.csv -f");
     let samples = |name: &str| {
         let text = place.text(name);
-        let last = text.lines().nth(1).unwrap().rsplit(',').next();
-        last.unwrap().to_owned()
+        let count = text.lines().nth(1).unwrap().split(',').nth(8);
+        count.unwrap().to_owned()
     };
     assert_eq!([samples("a.csv"), samples("b.csv")], ["128", "128"]);
 }
@@ -509,23 +512,23 @@ fn points_that_are_not_where_they_should_be_are_told_with_their_line() {
     ] {
         place.put("a.obj", &obj);
         let line = format!("a.obj --points p.txt -n16 {options}");
-        let told = "p.txt: 1 of 2 points may not be meant: 1 are inside a \
-                    closed body, the first in line 3\n";
+        let told = "p.txt: a doubtful value for 1 of 2 points: inside a \
+                    closed body: 1, the first in line 3\n";
         let run = place.free(&line);
         assert_eq!(run.stderr.matches(told).count(), count, "{obj}");
-        assert_eq!(run.stderr.matches("are inside").count(), count);
+        assert_eq!(run.stderr.matches("inside").count(), count);
     }
     let list = "1 1 -1 0 0 1\n1 1 -1 0 1 -1\n1 1 2 0 0 -1\n200 1 1 0 0 1\n\
                 150 1 1 0 0 1\n30 1 -1.001 0 0 1\n30 1 -1 1 0 0\n";
     place.put("a.obj", slab);
     place.put("p.txt", list);
     assert!(place.free("a.obj --points p.txt -n16").stderr.contains(
-        "p.txt: 2 of 7 points may not be meant: 1 are outside by ten times \
-         the size of the scene, the first in line 4; 1 have a normal into \
-         the surface that they lie on, the first in line 2\n"
+        "p.txt: a doubtful value for 2 of 7 points: on a surface into which \
+         the normal points: 1, the first in line 2; outside by ten times \
+         the size of the scene: 1, the first in line 4\n"
     ));
     let run = place.free("a.obj --points p.txt -n16 --ground=1");
-    let none = "1 are below the ground, the first in line 6\n";
+    let none = "below the ground: 1, the first in line 6\n";
     assert!(run.stderr.contains(none), "{}", run.stderr);
     assert!(values(&run.stdout).1[5][0].is_nan());
 }

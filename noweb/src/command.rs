@@ -118,24 +118,19 @@ pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
         }
         called => called,
     };
-    match (args.first(), command) {
-        (Some(first), _) if asks(first, ["-h", "--help"]) => {
+    let first = args.first().map(shown);
+    match (first.as_deref(), command) {
+        (Some("-h" | "--help"), _) => {
             streams.say(&command.map_or_else(help, help_of))
         }
-        (Some(first), _) if asks(first, ["-V", "--version"]) => {
-            streams.say(&version())
-        }
+        (Some("-V" | "--version"), _) => streams.say(VERSION),
         (_, Some((_, run, ..))) => run(args, streams),
         // Refuse what is no command
         (Some(first), None) => {
-            streams.misused(format!("unknown command {}", shown(first)))
+            streams.misused(format!("unknown command {first}"))
         }
-        (None, None) => streams.misused("which command?".into()),
+        (None, None) => streams.misused("which command?"),
     }
-}
-
-fn asks(arg: &OsString, options: [&str; 2]) -> bool {
-    options.iter().any(|option| arg == option)
 }
 
 fn find(name: &OsStr) -> Option<&'static Command> {
@@ -175,9 +170,8 @@ fn help_of((name, _, purpose, arguments): &Command) -> String {
     format!("{}\n\n{name} - {purpose}\n", usage.trim_end())
 }
 
-fn version() -> String {
-    format!("noweb {} (litpt)\n", env!("CARGO_PKG_VERSION"))
-}
+const VERSION: &str =
+    concat!("noweb ", env!("CARGO_PKG_VERSION"), " (litpt)\n");
 
 const NEW: &str = "NAME [--markdown | --latex]";
 

@@ -33,18 +33,17 @@ impl Markdown {
 
     /// Reads the prose that begins at a place.
     pub fn read(&mut self, from: usize, defines: fn(&[u8]) -> bool) {
-        let (mut start, mut end, mut is_open) = (from, from, false);
+        let (mut start, mut end, mut open) = (from, from, None);
         for line in self.text[from..].split_inclusive('\n') {
             if defines(line.as_bytes()) {
-                let block = open_block(&self.text[start..=end]);
-                is_open = block.is_some();
-                let Some(block) = block else { break };
+                open = open_block(&self.text[start..=end]);
+                let Some(block) = open else { break };
                 start += block;
             }
             end += line.len();
         }
-        let line = || self.text[..start].matches('\n').count() as u32 + 1;
-        self.open = is_open.then(line);
+        let line = |_| self.text[..start].matches('\n').count() as u32 + 1;
+        self.open = open.map(line);
         self.code = quoted_code(&self.text[..end], from);
         self.end = end;
     }
@@ -84,16 +83,14 @@ fn is_raw(html: &str) -> bool {
 
 fn quoted_code(text: &str, from: usize) -> Vec<Range<usize>> {
     let all = Parser::new_ext(&text[from..], Options::ENABLE_TABLES);
-    let all = all.into_offset_iter();
-    let code = all.filter(|(event, _)| matches!(event, Event::Code(_)));
-    let code = code.map(|(_, range)| range.start + from..range.end + from);
-    let mut code: Vec<_> = code.collect();
-    code.retain(|code| {
-        let code = &text[code.clone()];
-        !code.starts_with("``") && !code.contains('\n')
+    let code = all.into_offset_iter().filter_map(|(event, range)| {
+        let range = range.start + from..range.end + from;
+        let code = &text[range.clone()];
+        let simple = !code.starts_with("``") && !code.contains('\n');
+        (simple && matches!(event, Event::Code(_))).then_some(range)
     });
-    code.reverse();
-    code
+    let code: Vec<_> = code.collect();
+    code.into_iter().rev().collect()
 }
 
 /// What a summary lists, as mdBook reads it.

@@ -30,28 +30,20 @@ pub fn replace(
     }
     let temporary = format!(".noweb-{}.tmp", std::process::id());
     let temporary = target.with_file_name(temporary);
-    let permissions = old.map(|old| old.permissions());
-    let written = fill(&temporary, text, time, permissions)
-        .and_then(|()| fs::rename(&temporary, &target));
-    if written.is_err() {
+    let write = || {
+        // Fill the temporary file and rename it
+        let mut file = File::create(&temporary)?;
+        file.write_all(text)?;
+        if let Some(old) = old {
+            file.set_permissions(old.permissions())?;
+        }
+        time.map_or(Ok(()), |time| file.set_modified(time))?;
+        fs::rename(&temporary, &target)
+    };
+    write().inspect_err(|_| {
         // The first error is the one to report.
         let _ = fs::remove_file(&temporary);
-    }
-    written
-}
-
-fn fill(
-    path: &Path,
-    text: &[u8],
-    time: Option<SystemTime>,
-    permissions: Option<fs::Permissions>,
-) -> io::Result<()> {
-    let mut file = File::create(path)?;
-    file.write_all(text)?;
-    if let Some(permissions) = permissions {
-        file.set_permissions(permissions)?;
-    }
-    time.map_or(Ok(()), |time| file.set_modified(time))
+    })
 }
 
 /// Writes a file unless it has this text.

@@ -145,20 +145,20 @@ impl Diagnostic {
         self.help.push(help.into());
         self
     }
+}
 
-    /// What to say of a file that could not be read, written or removed.
-    pub fn failure(
-        action: &str,
-        path: impl AsRef<OsStr>,
-        error: &io::Error,
-    ) -> Self {
-        let text = format!("cannot {action} {}: {error}", shown(path));
-        Self::new(Level::Error, None, text)
-    }
+/// What to say of a file that could not be read, written or removed.
+pub fn failure(act: &str, path: impl AsRef<OsStr>, e: io::Error) -> Faults {
+    error(format!("cannot {act} {}: {e}", shown(path)))
 }
 
 /// What is wrong, in order.
 pub type Faults = Vec<Diagnostic>;
+
+/// One error that has no position.
+pub fn error(text: impl Into<String>) -> Faults {
+    vec![Diagnostic::new(Level::Error, None, text)]
+}
 
 /// A value, if nothing is wrong.
 pub fn checked<T>(value: T, faults: Faults) -> Result<T, Faults> {

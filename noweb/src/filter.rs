@@ -13,9 +13,7 @@ use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::process::{Command, Output, Stdio};
 
 use crate::Streams;
-use crate::diagnostic::{
-    Diagnostic, Faults, Level, checked, shown, status,
-};
+use crate::diagnostic::{Faults, checked, error, failure, shown, status};
 use crate::markup::mark_files;
 use crate::stream::broken;
 use crate::web::Web;
@@ -42,8 +40,7 @@ pub fn read_web(
     streams: &mut Streams,
 ) -> Result<Web, Failure> {
     if filters.is_empty() {
-        let (sources, faults) = streams.sources(files);
-        let (web, faults) = Web::read(checked(sources, faults)?, tab);
+        let (web, faults) = Web::read(streams.sources(files)?, tab);
         return Ok(checked(web, faults)?);
     }
     let (stream, faults) = mark_files(files, tab, streams);
@@ -55,8 +52,7 @@ pub fn read_web(
 }
 
 pub fn read_stream(streams: &mut Streams) -> Result<Web, Failure> {
-    let source = streams.read(OsStr::new("-"));
-    parse(&source.map_err(|fault| vec![fault])?.text)
+    parse(&streams.read(OsStr::new("-"))?.text)
 }
 
 fn parse(stream: &[u8]) -> Result<Web, Failure> {
@@ -66,11 +62,6 @@ fn parse(stream: &[u8]) -> Result<Web, Failure> {
     let (web, faults) = Web::read_stream(stream);
     let status = status(&faults);
     if status == 0 { Ok(web) } else { Err(Failure { faults, status }) }
-}
-
-fn cannot(action: &str, error: &io::Error) -> Failure {
-    let text = format!("cannot {action}: {error}");
-    vec![Diagnostic::new(Level::Error, None, text)].into()
 }
 
 /// An argument as a word that the shell does not look into.
@@ -89,9 +80,8 @@ pub fn run_shell(
     input: &[u8],
     streams: &mut Streams,
 ) -> Result<Vec<u8>, Failure> {
-    let action = format!("run {}", shown(command));
     let output = converse(command, input);
-    let output = output.map_err(|e| cannot(&action, &e))?;
+    let output = output.map_err(|e| failure("run", command, e))?;
     // There is nobody left to tell if this fails.
     let _ = streams.errors.write_all(&output.stderr);
     if output.status.success() {
@@ -99,7 +89,7 @@ pub fn run_shell(
     }
     let (command, status) = (shown(command), output.status);
     let text = format!("the filter `{command}' failed ({status})");
-    Err(vec![Diagnostic::new(Level::Error, None, text)].into())
+    Err(error(text).into())
 }
 
 fn converse(command: &OsStr, input: &[u8]) -> io::Result<Output> {

@@ -13,7 +13,7 @@ use std::ffi::OsString;
 
 use crate::Streams;
 use crate::diagnostic::shown;
-use crate::stream::{self, Mark, Outcome};
+use crate::stream::{self, Mark, Outcome, put};
 
 /// A set of words, and of the prefixes of the words.
 #[derive(Default)]
@@ -51,25 +51,18 @@ impl Recogniser {
     }
 }
 
-#[derive(PartialEq, Eq)]
-enum Class {
-    Name,
-    Operator,
-    Separator,
-}
-
-fn class(byte: u8) -> Class {
+fn class(byte: u8) -> Option<u8> {
     match byte {
-        b'_' | b'\'' | b'@' | b'#' => Class::Name,
-        _ if byte.is_ascii_alphanumeric() => Class::Name,
-        _ if b"!%^&*-+:=|~<>./?`".contains(&byte) => Class::Operator,
-        _ => Class::Separator,
+        b'_' | b'\'' | b'@' | b'#' => Some(b'a'),
+        _ if byte.is_ascii_alphanumeric() => Some(b'a'),
+        _ if b"!%^&*-+:=|~<>./?`".contains(&byte) => Some(b'!'),
+        _ => None,
     }
 }
 
 /// Whether two neighbouring bytes belong to one token.
 fn joined(left: u8, right: u8) -> bool {
-    class(left) == class(right) && class(left) != Class::Separator
+    class(left).is_some() && class(left) == class(right)
 }
 
 const TEXT: &[u8] = b"@text ";
@@ -105,11 +98,6 @@ fn copy(line: &[u8], done: usize, end: usize, out: &mut Vec<u8>) -> usize {
     end
 }
 
-fn put(out: &mut Vec<u8>, parts: &[&[u8]]) {
-    out.extend(parts.concat());
-    out.push(b'\n');
-}
-
 /// Announces with `@index use` every use of a word in the code.
 pub fn mark_uses(stream: &[u8], set: &Recogniser, quotes: bool) -> Vec<u8> {
     let mut out = Vec::new();
@@ -135,10 +123,9 @@ pub fn mark_uses(stream: &[u8], set: &Recogniser, quotes: bool) -> Vec<u8> {
 
 /// The identifiers that a stream declares.
 pub fn declared(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
-    stream::lines(stream)
-        .filter_map(Mark::read)
-        .filter(|mark| mark.keyword == b"index")
-        .map(|mark| mark.inner())
+    let marks = stream::lines(stream).filter_map(Mark::read);
+    let marks = marks.filter(|m| m.keyword == b"index").map(|m| m.inner());
+    marks
         .filter(|m| matches!(m.keyword, b"defn" | b"localdefn"))
         .map(|m| m.text())
 }

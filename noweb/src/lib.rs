@@ -40,7 +40,8 @@ use std::ffi::{OsStr, OsString};
 use std::io::{self, BufRead, Write};
 
 use diagnostic::{
-    Diagnostic, Faults, Level, Source, bytes_of, shown, status,
+    Diagnostic, Faults, Level, Source, bytes_of, checked, error, shown,
+    status,
 };
 
 /// The three streams of a command.
@@ -51,27 +52,27 @@ pub struct Streams<'a> {
 }
 
 impl Streams<'_> {
-    pub fn read(&mut self, file: &OsStr) -> Result<Source, Diagnostic> {
+    pub fn read(&mut self, file: &OsStr) -> Result<Source, Faults> {
         let (name, read) = if file == "-" {
             let mut text = Vec::new();
             (&b""[..], self.input.read_to_end(&mut text).map(|_| text))
         } else {
             (file.as_encoded_bytes(), std::fs::read(file))
         };
-        let text = read.map_err(|error| {
-            let text =
-                format!("couldn't open file {}: {error}", shown(file));
-            Diagnostic::new(Level::Error, None, text)
-        })?;
+        let cannot = |e| format!("couldn't open file {}: {e}", shown(file));
+        let text = read.map_err(|e| error(cannot(e)))?;
         Ok(Source::new(name.to_vec(), text))
     }
 
     /// Reads some files, and tells of all that cannot be read.
-    pub fn sources(&mut self, files: &[OsString]) -> (Vec<Source>, Faults) {
-        let read = files.iter().map(|file| self.read(file));
+    pub fn sources(
+        &mut self,
+        all: &[OsString],
+    ) -> Result<Vec<Source>, Faults> {
+        let read = all.iter().map(|file| self.read(file));
         let (good, bad): (Vec<_>, Vec<_>) = read.partition(Result::is_ok);
-        let bad = bad.into_iter().filter_map(Result::err);
-        (good.into_iter().flatten().collect(), bad.collect())
+        let bad = bad.into_iter().filter_map(Result::err).flatten();
+        checked(good.into_iter().flatten().collect(), bad.collect())
     }
 
     /// Prints the diagnostics and gives the exit status.
@@ -93,8 +94,14 @@ impl Streams<'_> {
         }
     }
 
+    /// Tells of faults, whatever their levels; the status is 1.
+    pub fn fail(&mut self, faults: &[Diagnostic]) -> u8 {
+        self.conclude(Ok(()), faults);
+        1
+    }
+
     /// Says what is wrong with the arguments of a command; the status is 2.
-    pub fn misused(&mut self, text: String) -> u8 {
+    pub fn misused(&mut self, text: impl Into<String>) -> u8 {
         let fault = Diagnostic::new(Level::Error, None, text)
             .with_help("noweb [COMMAND] --help tells more");
         self.conclude(Ok(()), &[fault]);

@@ -179,10 +179,8 @@ fn start(name: &OsStr, args: &[OsString]) -> io::Result<Child> {
     let mut child = Command::new(name);
     child.args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
     let open = |name| std::env::var_os(name).is_none_or(|v| v.is_empty());
-    if io::stderr().is_terminal()
-        && open("CARGO_TERM_COLOR")
-        && open("NO_COLOR")
-    {
+    let is_open = ["CARGO_TERM_COLOR", "NO_COLOR"].into_iter().all(open);
+    if is_open && io::stderr().is_terminal() {
         child.env("CARGO_TERM_COLOR", "always");
     }
     child.spawn()
@@ -208,7 +206,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (masters, command) = args.split_at(dashes.unwrap_or(0));
     let ([_, ..], [_, name, rest @ ..]) = (masters, command) else {
         let text = "which webs and which command? MASTER... -- COMMAND...";
-        return streams.misused(text.into());
+        return streams.misused(text);
     };
     let projects: Result<_, _> = masters.iter().map(web_of).collect();
     let projects = match projects {
@@ -223,14 +221,13 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
             return 127;
         }
     };
-    match follow(child, &mut Filter::new(projects), streams) {
-        Ok(status) => status,
-        Err(error) => streams.conclude(Err(error), &[]),
-    }
+    let status = follow(child, &mut Filter::new(projects), streams);
+    status.unwrap_or_else(|error| streams.conclude(Err(error), &[]))
 }
 
 fn web_of(master: &OsString) -> Result<Project, String> {
-    let chapters = included(Path::new(""), Path::new(master))
-        .map_err(|e| Diagnostic::failure("read", master, &e).text)?;
+    let chapters = included(Path::new(""), Path::new(master));
+    let cannot = |e| format!("cannot read {}: {e}", shown(master));
+    let chapters = chapters.map_err(cannot)?;
     Ok(Project { chapters, ..Project::default() })
 }

@@ -17,7 +17,7 @@ use serde_json::Value;
 
 use crate::Streams;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Source, bytes_of, checked, text_of,
+    Faults, Level, Source, bytes_of, checked, error, text_of,
 };
 use crate::finduses::{Recogniser, declared, mark_uses};
 use crate::markup::{Token, is_markdown, mark_up, write_stream};
@@ -52,8 +52,9 @@ pub fn weave(
         // Mark up one chapter
         if !is_markdown(&chapter.name) {
             let name = text_of(&chapter.name);
-            let text = format!("{name}: no Markdown, by its name (.md)");
-            faults.push(Diagnostic::new(Level::Error, None, text));
+            faults.extend(error(format!(
+                "{name}: no Markdown, by its name (.md)"
+            )));
         }
         let path = Path::new(OsStr::from_bytes(&chapter.name));
         faults.extend(conflicts(path, &chapter.text));
@@ -67,12 +68,10 @@ pub fn weave(
         faults.extend(more.into_iter().filter(|f| f.level == Level::Error));
     }
     checked((), faults)?;
+    let words = Recogniser::new(declared(&stream));
     let stream = match rust {
         true => index(&stream).0,
-        false => {
-            let words = Recogniser::new(declared(&stream));
-            mark_uses(&stream, &words, true)
-        }
+        false => mark_uses(&stream, &words, true),
     };
     let stream = cross_reference(&stream, false).text;
     let plan = Plan::of(&stream, form);
@@ -124,6 +123,7 @@ impl<'a> Plan<'a> {
         for mark in lines(stream).filter_map(Mark::read) {
             // Learn from one line of the stream
             let inner = mark.inner();
+            let page = plan.pages.len().saturating_sub(1);
             match (mark.keyword, inner.keyword) {
                 (b"file", _) => {
                     plan.pages.push(mark.text());
@@ -131,15 +131,13 @@ impl<'a> Plan<'a> {
                 }
                 (b"text", _) => {
                     let list = LISTS.iter().position(|l| *l == mark.text());
-                    let page = plan.pages.len() - 1;
                     list.iter().for_each(|list| plan.lists[*list] = page);
                 }
                 (b"xref", b"label") => label = inner.text(),
                 (b"defn", _) => {
                     count += 1;
                     chunk = mark.text();
-                    plan.places
-                        .insert(label, (plan.pages.len() - 1, count));
+                    plan.places.insert(label, (page, count));
                 }
                 (b"use", _) => {
                     plan.users.entry(mark.text()).or_insert(chunk);
@@ -199,9 +197,9 @@ impl<'a> Plan<'a> {
 
 /// The path of one file as seen from another.
 fn relative(from: &[u8], to: &[u8]) -> String {
-    let [from, to] = [from, to].map(text_of);
-    let (from, to): (Vec<_>, Vec<_>) =
-        (from.split('/').collect(), to.split('/').collect());
+    let paths = [from, to].map(text_of);
+    let [from, to] =
+        paths.each_ref().map(|p| p.split('/').collect::<Vec<_>>());
     let pairs = from.iter().zip(&to);
     let same = pairs.take_while(|(a, b)| a == b).count();
     let same = same.min(from.len() - 1).min(to.len() - 1);
@@ -393,13 +391,10 @@ impl<'a> Converter<'a> {
     fn end_quote(&mut self, plan: &Plan<'a>) {
         let Some((code, label)) = self.quote.take() else { return };
         let out = &self.pages[self.page()];
-        let line = out
-            .iter()
-            .rposition(|byte| *byte == b'\n')
-            .map_or(0, |at| at + 1);
-        let is_free =
-            !out.ends_with(b"[") && !out[line..].starts_with(b"#");
+        let line = out.rsplit(|byte| *byte == b'\n').next();
+        let is_heading = line.is_some_and(|line| line.starts_with(b"#"));
         let code = format!("`{}`", text_of(&code));
+        let is_free = !is_heading && !out.ends_with(b"[");
         let label = if is_free { label } else { b"" };
         let shown = plan.link_to(self.page(), label, &code);
         self.put(&bytes_of(&shown));
@@ -436,17 +431,13 @@ fn shown_by_mdbook(code: &str) -> String {
 /// The name of a chunk, in which Markdown sees code alone.
 fn escaped(name: &[u8]) -> String {
     let name = text_of(name).replace("[[", "`").replace("]]", "`");
-    let parts = name.split('`').enumerate().map(|(i, part)| {
-        let mut text = String::new();
-        for sign in part.chars() {
-            if i % 2 == 0 && r"\*_{}[]<>#|~$&".contains(sign) {
-                text.push('\\');
-            }
-            text.push(sign);
-        }
-        text
-    });
-    parts.collect::<Vec<_>>().join("`")
+    let mut is_code = false;
+    let escape = |sign: char| {
+        is_code ^= sign == '`';
+        let special = !is_code && r"\*_{}[]<>#|~$&".contains(sign);
+        special.then_some('\\').into_iter().chain([sign])
+    };
+    name.chars().flat_map(escape).collect()
 }
 
 /// `noweb mdbook`, a preprocessor of mdBook; it supports all that shows
@@ -457,20 +448,14 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     }
     match preprocess(streams) {
         Ok(book) => streams.say(&book.to_string()),
-        Err(faults) => {
-            streams.conclude(Ok(()), &faults);
-            1
-        }
+        Err(faults) => streams.fail(&faults),
     }
 }
 
 fn preprocess(streams: &mut Streams) -> Result<Value, Faults> {
-    let given: Result<[Value; 2], _> =
-        serde_json::from_reader(&mut *streams.input);
-    let [context, mut book] = given.map_err(|e| {
-        let text = format!("expected the JSON of mdBook: {e}");
-        vec![Diagnostic::new(Level::Error, None, text)]
-    })?;
+    let given = serde_json::from_reader(&mut *streams.input);
+    let [context, mut book]: [Value; 2] = given
+        .map_err(|e| error(format!("expected the JSON of mdBook: {e}")))?;
     let rust = context["config"]["preprocessor"]["noweb"]["rust"] == true;
     let mut contents = Vec::new();
     collect(&mut book, &mut contents);
@@ -496,14 +481,12 @@ fn collect<'v>(
             all.iter_mut().for_each(|value| collect(value, found))
         }
         Value::Object(all) => {
-            let path =
-                all.get("path").and_then(Value::as_str).map(str::to_owned);
+            let path = all.get("path").and_then(Value::as_str);
+            let path = path.map(str::to_owned);
             for (key, value) in all {
-                match &path {
-                    Some(path) if key == "content" => {
-                        found.push((path.clone(), value))
-                    }
-                    _ => collect(value, found),
+                match path.clone().filter(|_| key == "content") {
+                    Some(path) => found.push((path, value)),
+                    None => collect(value, found),
                 }
             }
         }

@@ -13,9 +13,9 @@ use std::ffi::OsString;
 use crate::Streams;
 use crate::commonmark::Markdown;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, Source, text_of,
+    Diagnostic, Faults, Level, Place, Source, error, text_of,
 };
-use crate::stream::Mark;
+use crate::stream::{Mark, put};
 
 /// What a chunk holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -128,10 +128,11 @@ fn defines(line: &[u8]) -> bool {
 /// its opening; or else the length of what is only text.
 fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
     let mut at = 0;
+    let close = |code: &[u8]| code.windows(2).position(|w| w == b"]]");
     while at < text.len() {
         match &text[at..] {
-            [b'[', b'[', ..] => match find_pair(text, at + 2, b']') {
-                Some(close) => at = close + count(&text[close..], b']'),
+            [b'[', b'[', code @ ..] => match close(code) {
+                Some(end) => at += 2 + end + count(&code[end..], b']'),
                 None => break,
             },
             [b']', b']', ..] if quoting => return Err(at),
@@ -140,11 +141,6 @@ fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
         }
     }
     Err(text.len())
-}
-
-fn find_pair(text: &[u8], from: usize, byte: u8) -> Option<usize> {
-    let found = text[from..].windows(2).position(|w| w == [byte; 2]);
-    found.map(|i| from + i)
 }
 
 fn count(text: &[u8], byte: u8) -> usize {
@@ -513,11 +509,10 @@ pub fn mark_files(
                 faults.extend(more);
                 stream.extend(write_stream(&lexemes));
             }
-            Err(fault) => {
-                faults.push(fault);
-                stream.extend(b"@fatal couldn't open file ");
-                stream.extend(file.as_encoded_bytes());
-                stream.push(b'\n');
+            Err(more) => {
+                faults.extend(more);
+                let name = file.as_encoded_bytes();
+                put(&mut stream, &[b"@fatal couldn't open file ", name]);
             }
         }
     }
@@ -536,9 +531,7 @@ pub fn read_arguments(args: &[OsString]) -> (usize, Vec<OsString>, Faults) {
     for arg in &args[..options] {
         match parse_tab(arg.as_encoded_bytes()) {
             Ok(stops) => tab = stops,
-            Err(text) => {
-                faults.push(Diagnostic::new(Level::Error, None, text));
-            }
+            Err(text) => faults.extend(error(text)),
         }
     }
     let files = args[options..].to_vec();
@@ -549,14 +542,13 @@ pub fn read_arguments(args: &[OsString]) -> (usize, Vec<OsString>, Faults) {
 /// The distance of the tab stops that `-t` or `-tN` asks for.
 pub fn parse_tab(option: &[u8]) -> Result<usize, String> {
     let shown = text_of(option);
-    let Some(number) = option.strip_prefix(b"-t") else {
+    let Some(number) = shown.strip_prefix("-t") else {
         return Err(format!("unknown option {shown}"));
     };
-    let digits = number.iter().take_while(|b| b.is_ascii_digit());
-    let length = digits.count();
-    if number.is_empty() {
-        return Ok(0);
+    let mut digits = number.split(|c: char| !c.is_ascii_digit());
+    match digits.next().map(str::parse) {
+        _ if number.is_empty() => Ok(0),
+        Some(Ok(stops)) => Ok(stops),
+        _ => Err(format!("ill-formed option {shown}")),
     }
-    let digits = std::str::from_utf8(&number[..length]).unwrap_or("");
-    digits.parse().map_err(|_| format!("ill-formed option {shown}"))
 }

@@ -6,11 +6,10 @@
 
 use std::ffi::OsString;
 use std::fs;
-use std::io;
 use std::path::Path;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Faults, Level, shown};
+use crate::diagnostic::{Faults, failure};
 use crate::project::{Project, included};
 use crate::rust_names::is_keyword;
 
@@ -46,10 +45,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (master, own) = match options[..] {
         [] | ["--markdown"] => ("chapters/SUMMARY.md", MARKDOWN),
         ["--latex"] => ("book.nw", LATEX),
-        _ => {
-            return streams
-                .misused("new takes --latex or --markdown".into());
-        }
+        _ => return streams.misused("new takes --latex or --markdown"),
     };
     let is_sign = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
     let is_name = |name: &str| {
@@ -61,15 +57,12 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         _ => {
             let what = "new needs a name of letters, digits, - and _ that \
                         neither Cargo nor Windows reserves";
-            return streams.misused(what.into());
+            return streams.misused(what);
         }
     };
     match write(Path::new(name), name, master, own) {
         Ok(()) => streams.say(&format!("cd {name} && cargo run\n")),
-        Err(faults) => {
-            streams.conclude(Ok(()), &faults);
-            1
-        }
+        Err(faults) => streams.fail(&faults),
     }
 }
 
@@ -79,10 +72,7 @@ fn write(
     master: &str,
     own: &[(&str, &str)],
 ) -> Result<(), Faults> {
-    let fault = |e: io::Error| {
-        let text = format!("cannot write {}: {e}", shown(dir));
-        vec![Diagnostic::new(Level::Error, None, text)]
-    };
+    let fault = |e| failure("write", dir, e);
     fs::create_dir(dir).map_err(fault)?;
     for (path, text) in COMMON.iter().chain(own) {
         let mut text = text.replace("MASTER", master).replace("NAME", name);

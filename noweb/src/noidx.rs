@@ -14,24 +14,22 @@ use std::ffi::OsString;
 
 use crate::Streams;
 use crate::diagnostic::shown;
-use crate::stream::{self, Codes, Mark, Outcome, base62};
+use crate::stream::{self, Codes, Mark, Outcome, base62, put};
 
+/// Labels of chunks, and whether they define it.
 #[derive(Default)]
-struct Item {
-    /// Labels of chunks, and whether they define it.
-    mentions: Vec<(String, bool)>,
-}
+struct Item(Vec<(String, bool)>);
 
 impl Item {
     fn mention(&mut self, label: &str, defined: bool) {
         let mention = (label.to_string(), defined);
-        if self.mentions.last() != Some(&mention) {
-            self.mentions.push(mention);
+        if self.0.last() != Some(&mention) {
+            self.0.push(mention);
         }
     }
 
     fn labels(&self, defined: bool) -> Vec<&str> {
-        let wanted = self.mentions.iter().filter(|(_, d)| *d == defined);
+        let wanted = self.0.iter().filter(|(_, d)| *d == defined);
         wanted.map(|(label, _)| &label[..]).collect()
     }
 
@@ -40,15 +38,13 @@ impl Item {
         self.labels(true).first().copied()
     }
 
-    /// The mentions without the uses in chunks that define it.
-    fn pure_mentions(&self) -> Vec<(String, bool)> {
-        let definitions = self.labels(true);
-        let mut pure = self.mentions.clone();
-        pure.retain(|(label, defined)| {
-            *defined || !definitions.contains(&&label[..])
-        });
-        pure.dedup();
-        pure
+    /// The mentions, perhaps without the uses in chunks that define it.
+    fn mentions(&self, pure: bool) -> Vec<(String, bool)> {
+        let places = if pure { self.labels(true) } else { Vec::new() };
+        let mut all = self.0.clone();
+        all.retain(|(at, defined)| *defined || !places.contains(&&at[..]));
+        all.dedup();
+        all
     }
 }
 
@@ -149,7 +145,9 @@ impl<'a> Collector<'a> {
         let label = match &self.anchor {
             Some(anchor) => anchor.clone(),
             None => {
-                let label = self.label_in_prose();
+                self.prose_labels += 1;
+                let number = base62(self.prose_labels);
+                let label = format!("NWD{}-{number}", self.file);
                 self.insert(format!("@xref label {label}"));
                 label
             }
@@ -158,23 +156,17 @@ impl<'a> Collector<'a> {
         let item = self.web.identifiers.entry(name).or_default();
         item.mention(&label, true);
     }
-
-    fn label_in_prose(&mut self) -> String {
-        self.prose_labels += 1;
-        format!("NWD{}-{}", self.file, base62(self.prose_labels))
-    }
 }
 
 struct Resolver<'a> {
     web: &'a Findings<'a>,
     out: Vec<u8>,
     written: HashMap<&'a [u8], usize>,
-    defined: HashSet<&'a [u8]>,
-    used: HashSet<&'a [u8]>,
+    /// The identifiers that the chunk defines and uses so far.
+    names: [HashSet<&'a [u8]>; 2],
     closed: bool,
     /// The identifiers that the chapter defines and uses so far.
-    chapter_defines: HashSet<&'a [u8]>,
-    chapter_uses: HashSet<&'a [u8]>,
+    chapter: [HashSet<&'a [u8]>; 2],
 }
 
 impl<'a> Resolver<'a> {
@@ -199,8 +191,7 @@ impl<'a> Resolver<'a> {
     }
 
     fn put(&mut self, parts: &[&[u8]]) {
-        self.out.extend(parts.concat());
-        self.out.push(b'\n');
+        put(&mut self.out, parts);
     }
 
     fn define(&mut self, name: &'a [u8], line: &[u8]) {
@@ -249,10 +240,10 @@ impl<'a> Resolver<'a> {
     fn index(&mut self, mark: Mark<'a>, line: &[u8]) {
         match mark.keyword {
             b"defn" | b"localdefn" => {
-                self.defined.insert(mark.text());
+                self.names[0].insert(mark.text());
             }
             b"use" => {
-                self.used.insert(mark.text());
+                self.names[1].insert(mark.text());
                 let item = self.web.identifiers.get(mark.text());
                 if let Some(label) = item.and_then(Item::anchor) {
                     self.put(&[b"@xref ref ", label.as_bytes()]);
@@ -271,13 +262,12 @@ impl<'a> Resolver<'a> {
     }
 
     fn end(&mut self, chunk: Mark, line: &[u8]) {
-        let defined = std::mem::take(&mut self.defined);
-        let used = std::mem::take(&mut self.used);
+        let [defined, used] = std::mem::take(&mut self.names);
         if chunk.keyword == b"code" {
             let used = &used - &defined;
             // Remember the names for the end of the chapter
-            self.chapter_defines.extend(&defined);
-            self.chapter_uses.extend(&used);
+            self.chapter[0].extend(&defined);
+            self.chapter[1].extend(&used);
             self.list_names("def", defined, "isused");
             self.list_names("use", used, "isdefined");
         }
@@ -306,8 +296,7 @@ impl<'a> Resolver<'a> {
     }
 
     fn list_chapter(&mut self) {
-        let defined = std::mem::take(&mut self.chapter_defines);
-        let used = std::mem::take(&mut self.chapter_uses);
+        let [defined, used] = std::mem::take(&mut self.chapter);
         let mut listed = Vec::new();
         for name in self.web.sorted(&used - &defined) {
             let item = self.web.identifiers.get(name);
@@ -328,46 +317,31 @@ impl<'a> Resolver<'a> {
         if !std::mem::replace(&mut self.closed, true) {
             self.copy(b"@nl");
             self.copy(b"@nl");
-            self.list_chunks();
-            self.list_index();
+            let web = self.web;
+            self.list_items("@xref", ["chunks", "chunk"], &web.chunks);
+            self.list_items("@index", ["index", "entry"], &web.identifiers);
         }
     }
 
-    fn list_chunks(&mut self) {
-        self.copy(b"@xref beginchunks");
-        let chunks = &self.web.chunks;
-        for name in self.web.sorted(chunks.keys().copied().collect()) {
-            let item = &chunks[name];
-            self.list_item("@xref chunk", name, item, &item.mentions);
-        }
-        self.copy(b"@xref endchunks");
-    }
-
-    fn list_index(&mut self) {
-        self.copy(b"@index beginindex");
-        let words = &self.web.identifiers;
-        for name in self.web.sorted(words.keys().copied().collect()) {
-            let item = &words[name];
-            let mentions = item.pure_mentions();
-            self.list_item("@index entry", name, item, &mentions);
-        }
-        self.copy(b"@index endindex");
-    }
-
-    fn list_item(
+    fn list_items(
         &mut self,
-        entry: &str,
-        name: &[u8],
-        item: &Item,
-        mentions: &[(String, bool)],
+        family: &str,
+        [list, entry]: [&str; 2],
+        items: &'a HashMap<&'a [u8], Item>,
     ) {
-        let label = anchor(Some(item));
-        self.put(&[entry.as_bytes(), b"begin ", label, b" ", name]);
-        for (label, defined) in mentions {
-            let kind = if *defined { "defn" } else { "use" };
-            self.copy(format!("{entry}{kind} {label}").as_bytes());
+        self.copy(format!("{family} begin{list}").as_bytes());
+        for name in self.web.sorted(items.keys().copied().collect()) {
+            // List one item with its mentions
+            let (item, entry) = (&items[name], format!("{family} {entry}"));
+            let label = anchor(Some(item));
+            self.put(&[entry.as_bytes(), b"begin ", label, b" ", name]);
+            for (label, defined) in item.mentions(list == "index") {
+                let kind = if defined { "defn" } else { "use" };
+                self.copy(format!("{entry}{kind} {label}").as_bytes());
+            }
+            self.put(&[entry.as_bytes(), b"end"]);
         }
-        self.put(&[entry.as_bytes(), b"end"]);
+        self.copy(format!("{family} end{list}").as_bytes());
     }
 }
 
@@ -405,13 +379,11 @@ pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
         web: &web,
         out: Vec::new(),
         written: HashMap::new(),
-        defined: HashSet::new(),
-        used: HashSet::new(),
+        names: <[_; 2]>::default(),
         // Begin with no list written
         closed: false,
         // Begin with no names of a chapter
-        chapter_defines: HashSet::new(),
-        chapter_uses: HashSet::new(),
+        chapter: <[_; 2]>::default(),
     };
     // Write until the stream is broken
     let last = lines.iter().rposition(|line| line.starts_with(b"@begin "));

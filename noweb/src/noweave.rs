@@ -12,9 +12,7 @@ use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use crate::diagnostic::{
-    Diagnostic, Faults, Level, bytes_of, checked, shown,
-};
+use crate::diagnostic::{Faults, bytes_of, error, shown};
 use crate::filter::{quoted, run_shell};
 use crate::markdown::Form;
 use crate::stream::Outcome;
@@ -27,14 +25,6 @@ use crate::{
 struct Stage {
     command: OsString,
     args: Vec<OsString>,
-}
-
-impl Stage {
-    fn line(&self) -> OsString {
-        let mut line = self.command.clone();
-        self.args.iter().for_each(|arg| line.push(quoted(arg)));
-        line
-    }
 }
 #[derive(Default)]
 struct Request {
@@ -55,15 +45,17 @@ struct Request {
     verbose: bool,
 }
 
+/// The filters that an index needs.
+const OWN_FILTERS: [&str; 2] = ["finduses", "noidx"];
+
 impl Request {
     fn read(args: &[OsString]) -> Result<Self, String> {
         let mut request = Self::default();
         let mut args = args.iter().cloned();
         while let Some(arg) = args.next() {
-            if arg == "-" || !arg.as_encoded_bytes().starts_with(b"-") {
-                request.files.push(arg);
-            } else {
-                request.take(arg, &mut args)?;
+            match arg.as_encoded_bytes() {
+                [b'-', _, ..] => request.take(arg, &mut args)?,
+                _ => request.files.push(arg),
             }
         }
         // Refuse options that contradict each other
@@ -96,8 +88,7 @@ impl Request {
             }
             "-index" => {
                 self.index = true;
-                let stages = ["finduses", "noidx"];
-                self.filters.extend(stages.map(OsString::from));
+                self.filters.extend(OWN_FILTERS.map(OsString::from));
             }
             "-autodefs" => match &shown(next()?)[..] {
                 "rust" => self.autodefs = true,
@@ -115,9 +106,7 @@ impl Request {
             "-texnames" => self.tex_names = true,
             "-v" => self.verbose = true,
             tab if tab.starts_with("-t") => self.tabs.push(arg),
-            _ => {
-                return Err(format!("Unrecognized option '{option}'"));
-            }
+            _ => Err(format!("Unrecognized option '{option}'"))?,
         }
         Ok(())
     }
@@ -155,13 +144,11 @@ impl Request {
     /// The document, or the status if a stage fails.
     fn document(&self, streams: &mut Streams) -> Result<Vec<u8>, u8> {
         if self.markdown {
-            return self.pages(streams).map_err(|faults| {
-                streams.conclude(Ok(()), &faults);
-                1
-            });
+            let pages = self.pages(streams);
+            return pages.map_err(|faults| streams.fail(&faults));
         }
         let mut stream = Vec::new();
-        if self.files.is_empty() || self.files.iter().any(|f| f == "-") {
+        if self.reads_input() {
             let read = streams.input.read_to_end(&mut stream);
             read.map_err(|e| tell(streams, &format!("cannot read: {e}")))?;
         }
@@ -180,6 +167,10 @@ impl Request {
             stream = stage.run(&stream, streams)?;
         }
         Ok(stream)
+    }
+
+    fn reads_input(&self) -> bool {
+        self.files.is_empty() || self.files.iter().any(|f| f == "-")
     }
 }
 
@@ -207,21 +198,20 @@ impl Stage {
     ) -> Result<Vec<u8>, u8> {
         if let Some((run, args)) = self.own() {
             let mut output = Vec::new();
-            let status = run(
-                &args,
-                &mut Streams {
-                    input: &mut input,
-                    output: &mut output,
-                    errors: &mut *streams.errors,
-                },
-            );
+            let (input, errors) = (&mut input, &mut *streams.errors);
+            let mut own = Streams { input, output: &mut output, errors };
+            let status = run(&args, &mut own);
             return if status == 0 { Ok(output) } else { Err(1) };
         }
         // Run a foreign stage in the shell
-        run_shell(&self.line(), input, streams).map_err(|failure| {
-            streams.conclude(Ok(()), &failure.faults);
-            1
-        })
+        let result = run_shell(&self.line(), input, streams);
+        result.map_err(|failure| streams.fail(&failure.faults))
+    }
+
+    fn line(&self) -> OsString {
+        let mut line = self.command.clone();
+        self.args.iter().for_each(|arg| line.push(quoted(arg)));
+        line
     }
 
     fn own(&self) -> Option<(Run, Vec<OsString>)> {
@@ -241,28 +231,20 @@ impl Request {
     /// The pages of chapters in Markdown, unless they go to files.
     fn pages(&self, streams: &mut Streams) -> Result<Vec<u8>, Faults> {
         // Refuse what Markdown has no room for
-        let fault =
-            |text: String| vec![Diagnostic::new(Level::Error, None, text)];
-        let own = ["finduses", "noidx"];
+        let mut filters = self.filters.iter().map(shown);
         if let Some(other) =
-            self.filters.iter().find(|f| !own.contains(&&shown(f)[..]))
+            filters.find(|f| !OWN_FILTERS.contains(&&f[..]))
         {
-            let other = shown(other);
-            return Err(fault(format!("-md takes no filter ({other})")));
+            return Err(error(format!("-md takes no filter ({other})")));
         }
-        if self.files.is_empty()
-            || self.files.iter().any(|file| file == "-")
-        {
-            return Err(fault(
-                "-md needs files, whose names end in .md".into(),
-            ));
+        if self.reads_input() {
+            return Err(error("-md needs files, whose names end in .md"));
         }
-        let (mut sources, faults) = streams.sources(&self.files);
+        let mut sources = streams.sources(&self.files)?;
         for source in &mut sources {
             let name = source.name.rsplit(|byte| *byte == b'/').next();
             source.name = name.unwrap_or_default().to_vec();
         }
-        let sources = checked(sources, faults)?;
         let form = match self.backend {
             None => Form::Document,
             Some(_) => Form::Files,
@@ -275,12 +257,10 @@ impl Request {
         let stage = Stage { command: backend, args: Vec::new() };
         let words = stage.own().map_or(Vec::new(), |(_, words)| words);
         let [option, dir] = &words[..] else {
-            return Err(fault(
-                "-md has the backend 'split_scope -o DIR'".into(),
-            ));
+            return Err(error("-md has the backend 'split_scope -o DIR'"));
         };
         if option != "-o" {
-            return Err(fault(format!("unknown option {}", shown(option))));
+            return Err(error(format!("unknown option {}", shown(option))));
         }
         let names = sources.into_iter().map(|source| source.name);
         let pages: Vec<_> = names.zip(pages).collect();
@@ -294,22 +274,20 @@ impl Request {
             if is_twice || page.exists() && chapters.contains(&place(&page))
             {
                 let page = shown(page);
-                return Err(fault(format!(
+                return Err(error(format!(
                     "{page} would replace another text"
                 )));
             }
         }
-        split_scope::write_pages(&pages, dir.as_ref()).map_err(fault)?;
+        split_scope::write_pages(&pages, dir.as_ref()).map_err(error)?;
         Ok(Vec::new())
     }
 }
 /// `noweave [OPTION]... [FILE]...`: weaves a document.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    match Request::read(args) {
-        Ok(request) => match request.document(streams) {
-            Ok(text) => Outcome::done(text).deliver(streams),
-            Err(status) => status,
-        },
-        Err(what) => tell(streams, &what),
+    let request = Request::read(args).map_err(|what| tell(streams, &what));
+    match request.and_then(|request| request.document(streams)) {
+        Ok(text) => Outcome::done(text).deliver(streams),
+        Err(status) => status,
     }
 }

@@ -22,7 +22,8 @@ use crate::Streams;
 use crate::commonmark::links;
 use crate::cpif::{copy_if, replace};
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, Position, Source, checked, shown,
+    Diagnostic, Faults, Level, Place, Position, Source, bytes_of, checked,
+    error, failure, shown, text_of,
 };
 use crate::filter::quoted;
 use crate::markup::begins_docs;
@@ -44,11 +45,11 @@ pub struct Project {
 pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let text = fs::read(dir.join(master))?;
     let kind = master.extension().unwrap_or_default();
-    let is_summary = master.ends_with("SUMMARY.md");
-    let beside = if is_summary { "" } else { "chapters" };
-    let parent = master.parent().unwrap_or(Path::new(""));
-    let beside = plain(&parent.join(beside));
-    let names = if is_summary { links(&text) } else { includes(&text) };
+    let (beside, names) = match master.ends_with("SUMMARY.md") {
+        true => ("", links(&text)),
+        false => ("chapters", includes(&text)),
+    };
+    let beside = plain(&master.with_file_name(beside));
     let mut chapters = vec![plain(master)];
     for path in names.iter().map(|name| plain(&beside.join(name))) {
         // Add a chapter to those before
@@ -152,22 +153,16 @@ pub fn hash(text: &[u8]) -> u64 {
 fn parse_record(text: &[u8]) -> Record {
     let entry = |line: &[u8]| {
         let (hash, path) = line.split_at_checked(16)?;
-        let hash = std::str::from_utf8(hash).ok()?;
-        let hash = u64::from_str_radix(hash, 16).ok()?;
         let path = OsStr::from_bytes(path.strip_prefix(b" ")?);
+        let hash = u64::from_str_radix(&text_of(hash), 16).ok()?;
         Some((PathBuf::from(path), hash))
     };
     trimmed_lines(text).filter_map(entry).collect()
 }
 
 fn format_record(record: &Record) -> Vec<u8> {
-    let mut text = Vec::new();
-    for (path, hash) in record {
-        text.extend(format!("{hash:016x} ").bytes());
-        text.extend(path.as_os_str().as_bytes());
-        text.push(b'\n');
-    }
-    text
+    let entry = |(path, hash)| format!("{hash:016x} {}\n", shown(path));
+    bytes_of(&record.iter().map(entry).collect::<String>())
 }
 
 impl Project {
@@ -177,16 +172,15 @@ impl Project {
         let record = self.read_record(&self.record);
         let removed = self.removals(&files, &record)?;
         let (mut outputs, mut faults) = (Vec::new(), Vec::new());
-        let words = LazyCell::new(|| self.words());
+        let args = LazyCell::new(|| self.words());
         for (path, tangled) in files {
             // Compare a file with its text
             let disk = fs::read(self.dir.join(&path)).unwrap_or_default();
             let changed = disk != tangled.text;
             if is_edited(&disk, &tangled.text, record.get(&path)) {
-                let marks = conflicts(&path, &disk);
+                let mut marks = conflicts(&path, &disk);
                 if marks.is_empty() {
-                    let edit = refuse(&path, &disk, &tangled, &web, &words);
-                    faults.push(edit);
+                    marks.push(refuse(&path, &disk, &tangled, &web, &args));
                 }
                 faults.extend(marks);
             }
@@ -206,9 +200,7 @@ impl Project {
                     faults.extend(conflicts(chapter, &text));
                     sources.push(Source::new(name, text));
                 }
-                Err(e) => {
-                    faults.push(Diagnostic::failure("read", chapter, &e))
-                }
+                Err(e) => faults.extend(failure("read", chapter, e)),
             }
         }
         checked(sources, faults).and_then(expand_sources)
@@ -276,7 +268,16 @@ impl Project {
 /// The files that some sources define, without looking at the disk.
 pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
     let (mut web, mut faults) = Web::read(sources, 0);
-    web.drop_returns();
+    for chunk in &mut web.chunks {
+        // Drop the returns at the ends of lines
+        let mut ends = true;
+        for (piece, _) in chunk.pieces.iter_mut().rev() {
+            if ends && let Piece::Text(text) = piece {
+                text.pop_if(|last| *last == b'\r');
+            }
+            ends = *piece == Piece::Newline;
+        }
+    }
     let mut files = Vec::new();
     for chunk in &web.chunks {
         // Expand the file of this chunk
@@ -297,10 +298,8 @@ pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
                 // Put the returns back
                 let head = chunk.definitions[0];
                 let source = &web.sources[head.file as usize];
-                if source
-                    .line(head.line)
-                    .is_some_and(|l| l.ends_with(b"\r"))
-                {
+                let line = source.line(head.line).unwrap_or_default();
+                if line.ends_with(b"\r") {
                     tangled.text = with_ends(&tangled.text, true);
                 }
                 files.push((path, tangled));
@@ -309,21 +308,6 @@ pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
         }
     }
     checked(Expansion { web, files }, faults)
-}
-
-impl Web {
-    fn drop_returns(&mut self) {
-        for chunk in &mut self.chunks {
-            let mut ends = true;
-            for (piece, _) in chunk.pieces.iter_mut().rev() {
-                // Drop a return if the line ends
-                if ends && let Piece::Text(text) = piece {
-                    text.pop_if(|last| *last == b'\r');
-                }
-                ends = *piece == Piece::Newline;
-            }
-        }
-    }
 }
 
 /// The lines by which git marks a conflict.
@@ -362,9 +346,8 @@ fn orphan(path: &Path) -> Diagnostic {
 /// what was tangled last.
 pub fn is_edited(disk: &[u8], text: &[u8], last: Option<&u64>) -> bool {
     let bare = |text: &[u8]| {
-        let mut text = with_ends(text, false);
-        text.pop_if(|last| *last == b'\n');
-        text
+        let text = text.strip_suffix(b"\n").unwrap_or(text);
+        with_ends(text, false)
     };
     let known = disk.is_empty() || bare(disk) == bare(text);
     !known && last != Some(&hash(disk))
@@ -413,12 +396,11 @@ impl Project {
         let result = self.write(&mut plan);
         let text = format_record(&plan.record);
         let recorded = copy_if(&self.dir.join(&self.record), &text)
-            .map_err(|e| Diagnostic::failure("write", &self.record, &e));
-        result.and(recorded).map_err(|fault| vec![fault])?;
-        Ok(plan)
+            .map_err(|e| failure("write", &self.record, e));
+        result.and(recorded).map(|()| plan)
     }
 
-    fn write(&self, plan: &mut Plan) -> Result<(), Diagnostic> {
+    fn write(&self, plan: &mut Plan) -> Result<(), Faults> {
         for output in &plan.outputs {
             self.write_output(output)?;
             let hash = hash(&output.tangled.text);
@@ -428,7 +410,7 @@ impl Project {
             // Remove a file that no chunk defines
             match fs::remove_file(self.dir.join(path)) {
                 Err(e) if e.kind() != io::ErrorKind::NotFound => {
-                    return Err(Diagnostic::failure("remove", path, &e));
+                    return Err(failure("remove", path, e));
                 }
                 _ => plan.record.remove(path),
             };
@@ -436,7 +418,7 @@ impl Project {
         Ok(())
     }
 
-    fn write_output(&self, output: &Output) -> Result<(), Diagnostic> {
+    fn write_output(&self, output: &Output) -> Result<(), Faults> {
         if !output.changed {
             return Ok(());
         }
@@ -446,7 +428,7 @@ impl Project {
         let parent = path.parent().unwrap_or(&self.dir);
         fs::create_dir_all(parent)
             .and_then(|()| replace(&path, text, time))
-            .map_err(|e| Diagnostic::failure("write", &output.path, &e))
+            .map_err(|e| failure("write", &output.path, e))
     }
 
     /// The time of the newest chapter that a text takes something from.
@@ -469,25 +451,19 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Err(text) => return streams.misused(text),
     };
     let plan = if check { project.plan() } else { project.tangle() };
-    let (faults, failed) = match plan {
+    let faults = match plan {
         Ok(plan) if check => report_stale(plan),
-        Ok(plan) => (plan.warnings, false),
-        Err(faults) => (faults, true),
+        Ok(plan) => plan.warnings,
+        Err(faults) => return streams.fail(&faults),
     };
-    streams.conclude(Ok(()), &faults);
-    u8::from(failed)
+    u8::from(streams.conclude(Ok(()), &faults) > Level::Warning as u8)
 }
 
-fn report_stale(plan: Plan) -> (Faults, bool) {
+fn report_stale(plan: Plan) -> Faults {
     let changed = plan.outputs.iter().filter(|output| output.changed);
-    let changed = changed.map(|output| &output.path);
-    let stale: Vec<&PathBuf> = changed.chain(&plan.removed).collect();
-    let mut faults = plan.warnings;
-    for path in &stale {
-        let text = format!("{} is out of date", shown(path));
-        faults.push(Diagnostic::new(Level::Error, None, text));
-    }
-    (faults, !stale.is_empty())
+    let stale = changed.map(|output| &output.path).chain(&plan.removed);
+    let fault = |path| error(format!("{} is out of date", shown(path)));
+    [plan.warnings, stale.flat_map(fault).collect()].concat()
 }
 
 /// The project that the arguments name, and whether only to check.
@@ -505,9 +481,7 @@ pub fn parse(args: &[OsString]) -> Result<(Project, bool), String> {
             b"-C" => project.dir = value()?,
             b"--record" => project.record = value()?,
             b"--check" => check = true,
-            [b'-', ..] => {
-                return Err(format!("unknown option {}", shown(arg)));
-            }
+            [b'-', ..] => Err(format!("unknown option {}", shown(arg)))?,
             _ => project.chapters.push(arg.into()),
         }
     }

@@ -20,7 +20,7 @@ use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Position, Source, bytes_of, shown,
     text_of,
 };
-use crate::finduses::Recogniser;
+use crate::finduses::{Recogniser, declared};
 use crate::markup::parse_token;
 use crate::rust_names::{File, Kind, Names, Token, is_keyword, tokens};
 use crate::rust_uses::uses;
@@ -156,9 +156,8 @@ impl<'n> Notes<'_, 'n> {
     /// The line of its chapter, for people.
     fn position(&self, number: usize) -> Position {
         let (mut file, mut line) = (&b""[..], 1);
-        for mark in
-            self.lines[..number].iter().filter_map(|l| Mark::read(l))
-        {
+        let before = self.lines[..number].iter();
+        for mark in before.filter_map(|line| Mark::read(line)) {
             match mark.keyword {
                 b"file" => (file, line) = (mark.text(), 1),
                 b"nl" => line += 1,
@@ -191,9 +190,8 @@ impl<'n> Notes<'_, 'n> {
             found[*file].insert(*token, note);
         }
         // Note each word on its line
-        for ((text, file), found) in
-            texts.iter().zip(names.files).zip(found)
-        {
+        let files = texts.iter().zip(names.files).zip(found);
+        for ((text, file), found) in files {
             self.rust.extend(text.parts.iter().map(|(_, line)| line));
             let source = &text.source;
             for (range, note) in words(source, &file.tokens, &found) {
@@ -312,27 +310,25 @@ struct Writer<'w> {
 
 impl<'w> Writer<'w> {
     fn put(&mut self, parts: &[&[u8]]) {
-        self.out.extend(parts.concat());
-        self.out.push(b'\n');
+        stream::put(&mut self.out, parts);
     }
 
     fn write_line(&mut self, number: usize, line: &[u8]) {
         let Some(mark) = Mark::read(line) else {
             return self.put(&[line]);
         };
+        let (text, inner) = (mark.text(), mark.inner());
+        let is_item =
+            inner.keyword == b"defn" && self.index.has(inner.text());
         match mark.keyword {
-            b"begin" => self.code = mark.inner().keyword == b"code",
+            b"begin" => self.code = inner.keyword == b"code",
             b"quote" => self.quote = true,
             b"endquote" => self.quote = false,
             b"file" if number > 0 => self.put(&[b"@index mini"]),
-            b"defn" => self.root = self.files.get(mark.text()).copied(),
-            b"text" if self.code => {
-                return self.write_code(number, mark.text());
-            }
-            b"text" if self.quote => {
-                return self.write_quoted(line, mark.text());
-            }
-            b"index" if self.is_item(mark.inner()) => return,
+            b"defn" => self.root = self.files.get(text).copied(),
+            b"text" if self.code => return self.write_code(number, text),
+            b"text" if self.quote => return self.write_quoted(line, text),
+            b"index" if is_item => return,
             _ => {}
         }
         self.put(&[line]);
@@ -341,11 +337,6 @@ impl<'w> Writer<'w> {
         {
             self.announce(Note::Define(id));
         }
-    }
-
-    /// Whether a name in a `%def` list is one that we have found.
-    fn is_item(&self, mark: Mark) -> bool {
-        mark.keyword == b"defn" && self.index.has(mark.text())
     }
 
     fn write_code(&mut self, number: usize, text: &[u8]) {
@@ -423,13 +414,12 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
     let modules = names.modules.iter();
     let modules =
         modules.map(|(n, module)| (bytes_of(&files[*n].path), &module[..]));
-    let listed =
-        lines.iter().filter_map(|l| l.strip_prefix(b"@index defn "));
+    let listed = declared(stream).filter(|word| !index.has(word));
     let mut writer = Writer {
         notes: &notes,
         index: &index,
         files: modules.collect(),
-        words: Recogniser::new(listed.filter(|word| !index.has(word))),
+        words: Recogniser::new(listed),
         out: bytes_of(&index.declarations()),
         code: false,
         quote: false,

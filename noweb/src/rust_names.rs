@@ -93,7 +93,7 @@ pub enum Kind {
 enum Meaning {
     Item(Kind),
     /// Another path, in a module.
-    Import(String, Vec<String>),
+    Import(String, String),
     Many,
 }
 
@@ -162,9 +162,8 @@ impl<'a> Names<'a> {
 
     fn read_crate(&mut self, number: usize, library: Option<String>) {
         let path = &self.files[number].path;
-        let found =
-            library.clone().map(|n| (n, Meaning::Item(Kind::Module)));
-        self.meanings.extend(found);
+        let module = Meaning::Item(Kind::Module);
+        self.meanings.extend(library.clone().map(|name| (name, module)));
         let stem = path.trim_end_matches(".rs").to_string();
         let (dir, _) = path.rsplit_once('/').unwrap_or_default();
         self.read_file(number, library.unwrap_or(stem), dir);
@@ -362,10 +361,11 @@ impl<'a> Names<'a> {
     fn import(&mut self, place: &Place<'a>, at: usize) -> usize {
         let tokens = &self.files[place.file].tokens;
         for (path, name) in imports(tokens, at) {
-            let path = path.iter().map(|at| tokens[*at].text.to_string());
+            let path = path.iter().map(|at| tokens[*at].text);
+            let path = path.collect::<Vec<_>>().join("::");
             let module = place.module.clone();
             let name = format!("{module}::{}", tokens[name].text);
-            self.mean(name, Meaning::Import(module, path.collect()));
+            self.mean(name, Meaning::Import(module, path));
         }
         let end = end_of(tokens, at);
         self.bodies.push((place.clone(), at..end + 1));
@@ -447,12 +447,10 @@ const PATIENCE: usize = 8;
 impl Names<'_> {
     /// The item that a path means in a place.
     pub fn find(&self, place: &Place, path: &[&str]) -> Option<Item<'_>> {
-        match path {
-            ["Self", rest @ ..] => {
-                self.follow(join(place.this.as_deref()?, rest))
-            }
-            _ => self.follow(self.absolute(&place.module, path)?),
-        }
+        self.follow(match path {
+            ["Self", rest @ ..] => join(place.this.as_deref()?, rest),
+            _ => self.absolute(&place.module, path)?,
+        })
     }
 
     /// The member of a trait that an implementation defines.
@@ -495,8 +493,7 @@ impl Names<'_> {
             path = match self.meanings.get_key_value(&path[..end])? {
                 (path, Meaning::Item(kind)) => return Some((path, *kind)),
                 (_, Meaning::Import(module, to)) => {
-                    let to: Vec<_> =
-                        to.iter().map(|name| &name[..]).collect();
+                    let to: Vec<_> = to.split("::").collect();
                     self.absolute(module, &to)? + &path[end..]
                 }
                 (_, Meaning::Many) => return None,

@@ -20,10 +20,7 @@ use crate::diagnostic::{shown, text_of};
 use crate::stream::{self, Outcome};
 use crate::totex::{self, Memory, Options};
 
-struct Part<'a> {
-    source: &'a [u8],
-    lines: &'a [&'a [u8]],
-}
+type Part<'a> = (&'a [u8], &'a [&'a [u8]]);
 
 fn cut<'a>(lines: &'a [&'a [u8]]) -> Vec<Part<'a>> {
     let mut begun = false;
@@ -33,7 +30,7 @@ fn cut<'a>(lines: &'a [&'a [u8]]) -> Vec<Part<'a>> {
     });
     let part = |lines: &'a [&'a [u8]]| {
         let source = lines.iter().find_map(|l| l.strip_prefix(b"@file "));
-        Some(Part { source: source?, lines })
+        Some((source?, lines))
     };
     pieces.filter_map(part).collect()
 }
@@ -46,19 +43,17 @@ fn stem(source: &[u8]) -> &[u8] {
 
 fn check_names(pieces: &[Part]) -> Result<(), String> {
     let mut sources: HashMap<&[u8], &[u8]> = HashMap::new();
-    for piece in pieces {
-        let stem = stem(piece.source);
+    for (source, _) in pieces {
+        let stem = stem(source);
         if stem.is_empty() {
             return Err("a piece has no file name to be called by".into());
         }
-        if let Some(other) = sources.insert(stem, piece.source) {
+        if let Some(other) = sources.insert(stem, source) {
             // Refuse two sources with one name
-            return Err(format!(
-                "{} and {} would both be written to {}.tex",
-                text_of(other),
-                text_of(piece.source),
-                text_of(stem),
-            ));
+            let [other, source, stem] = [other, source, stem].map(text_of);
+            let text =
+                format!("{other} and {source} would both be written to");
+            return Err(format!("{text} {stem}.tex"));
         }
     }
     Ok(())
@@ -73,18 +68,14 @@ fn asks_for_lists(line: &[u8]) -> bool {
 
 fn request(lines: &[&[u8]]) -> Option<usize> {
     let mut prose = false;
-    let mut previous: &[u8] = b"";
-    for (at, line) in lines.iter().enumerate() {
-        if line.starts_with(b"@begin ") {
-            prose = line.starts_with(b"@begin docs ");
+    (1..lines.len()).find(|at| {
+        let (previous, line) = (lines[at - 1], lines[*at]);
+        let begins = previous.starts_with(b"@begin ");
+        if begins {
+            prose = previous.starts_with(b"@begin docs ");
         }
-        let first = previous == b"@nl" || previous.starts_with(b"@begin ");
-        if prose && first && asks_for_lists(line) {
-            return Some(at);
-        }
-        previous = line;
-    }
-    None
+        prose && (begins || previous == b"@nl") && asks_for_lists(line)
+    })
 }
 
 fn find_lists(lines: &[&[u8]]) -> Option<Range<usize>> {
@@ -123,13 +114,13 @@ pub fn split(
     let pieces = cut(&lines);
     check_names(&pieces)?;
     let (mut memory, mut messages) = (Memory::default(), Vec::new());
-    let pages = pieces.iter().map(|piece| {
+    let pages = pieces.iter().map(|(source, lines)| {
         // Convert one piece with its memory
-        let options = with_source(options, piece.source);
-        let lines = piece.lines.iter().copied();
+        let options = with_source(options, source);
+        let lines = lines.iter().copied();
         let converted = totex::to_tex(lines, &options, &mut memory);
         messages.extend(converted.messages);
-        let name = [stem(piece.source), b".tex"].concat();
+        let name = [stem(source), b".tex"].concat();
         (name, converted.text)
     });
     Ok((pages.collect(), messages))
@@ -138,9 +129,8 @@ pub fn split(
 fn with_source(options: &Options, source: &[u8]) -> Options {
     let mut options = options.clone();
     if !options.comment.is_empty() {
-        let parts: [&[u8]; 3] =
-            [b" % Made by noweave from ", source, b": edit that file."];
-        options.comment = parts.concat();
+        let open = b" % Made by noweave from ";
+        options.comment = [open, source, b": edit that file."].concat();
     }
     options
 }

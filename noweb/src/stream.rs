@@ -27,6 +27,12 @@ pub fn trimmed_lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
+/// Writes a line that is made of parts.
+pub fn put(out: &mut Vec<u8>, parts: &[&[u8]]) {
+    out.extend(parts.concat());
+    out.push(b'\n');
+}
+
 /// What a stage makes of a stream that an earlier one has given up.
 pub fn broken(stream: &[u8]) -> Option<Outcome> {
     let fatal = lines(stream).find(|line| line.starts_with(b"@fatal "))?;
@@ -48,13 +54,9 @@ impl<'a> Mark<'a> {
     }
 
     fn split(words: &'a [u8]) -> Mark<'a> {
-        match words.iter().position(|&byte| byte == b' ') {
-            Some(at) => Mark {
-                keyword: &words[..at],
-                argument: Some(&words[at + 1..]),
-            },
-            None => Mark { keyword: words, argument: None },
-        }
+        let mut parts = words.splitn(2, |&byte| byte == b' ');
+        let keyword = parts.next().unwrap_or_default();
+        Mark { keyword, argument: parts.next() }
     }
 
     /// The mark that the argument of `@xref`, `@index`, `@begin`... holds.

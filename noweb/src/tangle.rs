@@ -88,7 +88,21 @@ pub fn tangle(
     roots: &[impl AsRef<[u8]>],
     layout: &Layout,
 ) -> Result<Tangled, Faults> {
-    let mut expander = Expander::new(web, layout);
+    let mut expander = Expander {
+        web,
+        layout,
+        // Begin at the first line with nothing on the stack
+        tangled: Tangled::default(),
+        line: 1,
+        line_start: 0,
+        stack: Vec::new(),
+        active: vec![false; web.chunks.len()],
+        said: None,
+        blank: Vec::new(),
+        reader: Reader::default(),
+        faults: Vec::new(),
+        reported: HashSet::new(),
+    };
     for root in roots.iter().map(AsRef::as_ref) {
         let Some(chunk) = web.find(root) else {
             expander.report_missing_root(root);
@@ -128,23 +142,6 @@ struct Expander<'a> {
 }
 
 impl<'a> Expander<'a> {
-    fn new(web: &'a Web, layout: &'a Layout) -> Self {
-        Self {
-            web,
-            layout,
-            tangled: Tangled::default(),
-            line: 1,
-            line_start: 0,
-            stack: Vec::new(),
-            active: vec![false; web.chunks.len()],
-            said: None,
-            blank: Vec::new(),
-            reader: Reader::default(),
-            faults: Vec::new(),
-            reported: HashSet::new(),
-        }
-    }
-
     fn expand(&mut self, root: usize) {
         self.enter(root, 0, None);
         while let Some(frame) = self.stack.last_mut() {
@@ -269,8 +266,7 @@ impl<'a> Expander<'a> {
     fn report_undefined(&mut self, name: &[u8], place: Place, alone: bool) {
         let mut fault = self.web.undefined_use(name, place);
         if fault.help.is_empty() && !alone && looks_like_code(name) {
-            let help = "for the operator itself, write @<<";
-            fault = fault.with_help(help);
+            fault.help.push("for the operator itself, write @<<".into());
         }
         self.faults.push(fault);
     }
@@ -510,8 +506,6 @@ fn spoken_name(name: &[u8]) -> Vec<u8> {
 struct Request {
     roots: Vec<Vec<u8>>,
     layout: Layout,
-    /// The tabs of the sources are copied, not expanded.
-    keeps_tabs: bool,
     /// Shell commands that the stream goes through in turn.
     filters: Vec<OsString>,
     files: Vec<OsString>,
@@ -531,10 +525,7 @@ impl Request {
                 b"-pascal" | b"-c" | b"-c++" | b"-tex" | b"-f77" => (),
                 b"-f90" => (),
                 [b'-', b'w', b'0'..=b'9', b'0'..=b'9', ..] => (),
-                option if option.starts_with(b"-") && option != b"-" => {
-                    request.keeps_tabs |= b"tL".contains(&option[1]);
-                    request.option(option);
-                }
+                option @ [b'-', _, ..] => request.option(option),
                 _ => request.files.push(arg.clone()),
             }
         }
@@ -580,7 +571,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     if request.files.is_empty() {
         request.files.push("-".into());
     }
-    let tab = if request.keeps_tabs { 0 } else { 8 };
+    let tab = if request.layout.tab.is_some() { 0 } else { 8 };
     let web = read_web(&request.files, &request.filters, tab, streams);
     write_roots(web, request, streams)
 }

@@ -96,8 +96,8 @@ impl<'a> Converter<'a> {
             (b"literal", Some(text)) => self.put(&[text]),
             // Convert the ends of a document
             (b"fatal", Some(_)) => self.broken = true,
-            (b"header", Some(_)) => self.header(mark.inner()),
-            (b"trailer", Some(_)) => self.trailer(mark.inner()),
+            (b"header", Some(_)) => self.bound(b"header ", mark.inner()),
+            (b"trailer", Some(_)) => self.bound(b"trailer ", mark.inner()),
             _ => self.warn(b"", mark),
         }
     }
@@ -112,18 +112,16 @@ impl<'a> Converter<'a> {
             (false, false) => return self.put(&[text]),
         };
         // Write the text, perhaps as a link
-        match link {
-            Some(label) => {
+        match (link, style) {
+            (Some(label), _) => {
                 let open = [b"\\nwlinkedident", &kind[..], b"{"].concat();
                 self.put(&[&open, &shown, b"}{", label, b"}"]);
             }
-            None => match style {
-                // Set a keyword or a comment apart
-                Some(style @ (b"keyword" | b"comment")) => {
-                    self.put(&[b"\\nw", style, b"{", &shown, b"}"]);
-                }
-                _ => self.put(&[&shown]),
-            },
+            // Set a keyword or a comment apart
+            (_, Some(style @ (b"keyword" | b"comment"))) => {
+                self.put(&[b"\\nw", style, b"{", &shown, b"}"]);
+            }
+            _ => self.put(&[&shown]),
         }
     }
 
@@ -437,27 +435,21 @@ impl<'a> Converter<'a> {
         self.messages.extend(parts.concat());
         self.messages.push(b'\n');
     }
-}
 
-impl Converter<'_> {
-    fn header(&mut self, kind: Mark) {
-        match (kind.keyword, kind.argument) {
-            (b"latex", Some(options)) => self.put(&[
+    fn bound(&mut self, family: &[u8], kind: Mark) {
+        match (family, kind.keyword, kind.argument) {
+            (b"header ", b"latex", Some(options)) => self.put(&[
                 b"\\documentclass{article}\\usepackage{noweb}",
                 b"\\pagestyle{noweb}\\noweboptions{",
                 options,
                 b"}\\begin{document}",
             ]),
-            _ => self.warn(b"header ", kind),
+            (b"trailer ", b"latex", _) => {
+                self.put(&[b"\\end{document}"]);
+                self.break_line();
+            }
+            _ => self.warn(family, kind),
         }
-    }
-
-    fn trailer(&mut self, kind: Mark) {
-        if kind.keyword != b"latex" {
-            return self.warn(b"trailer ", kind);
-        }
-        self.put(&[b"\\end{document}"]);
-        self.break_line();
     }
 }
 
@@ -523,14 +515,11 @@ const KEY: &str =
 
 /// An identifier for print, with what it belongs to in parentheses.
 fn printed(name: &[u8]) -> Vec<u8> {
-    let mut words = name.split(|byte| *byte == b' ');
-    let first = replace(words.next().unwrap_or_default(), QUOTED);
-    let mut out = [b"\\nwixident{", &first[..], b"}"].concat();
-    for word in words {
+    let words = name.split(|byte| *byte == b' ').map(|word| {
         let word = replace(word.trim_ascii(), QUOTED);
-        out.extend([b" \\nwixident{", &word[..], b"}"].concat());
-    }
-    out
+        [b"\\nwixident{", &word[..], b"}"].concat()
+    });
+    words.collect::<Vec<_>>().join(&b' ')
 }
 
 fn tag(label: &[u8]) -> Vec<u8> {

@@ -22,7 +22,7 @@ use similar::{Algorithm, DiffTag, capture_diff_slices};
 use crate::Streams;
 use crate::cpif::replace;
 use crate::diagnostic::{
-    Diagnostic, Faults, Place, Source, bytes_of, checked, text_of,
+    Diagnostic, Faults, Place, Source, bytes_of, checked, failure, text_of,
 };
 use crate::markup::begins_docs;
 use crate::project::{
@@ -167,10 +167,8 @@ impl<'a> Carrier<'a> {
     /// The first line of a block of lines that a chapter has together.
     fn block(&self, lines: Range<usize>) -> Option<Spot> {
         let first = self.whole(lines.start)?;
-        let mut lines = lines.enumerate();
-        lines
-            .all(|(n, line)| self.whole(line) == Some(first.below(n)))
-            .then_some(first)
+        let next = |(n, line)| self.whole(line) == Some(first.below(n));
+        lines.enumerate().all(next).then_some(first)
     }
 
     /// Puts new lines in the place of some lines of a chapter.
@@ -239,8 +237,7 @@ impl<'a> Carrier<'a> {
     fn homes(&self, line: usize) -> Vec<Spot> {
         let above = line.checked_sub(1).and_then(|l| self.tail(l));
         let above = above.map(|spot| spot.below(1));
-        let inside = line < self.old.len();
-        let below = inside.then(|| self.head(line)).flatten();
+        let below = self.head(line);
         let mut homes: Vec<Spot> = above.into_iter().chain(below).collect();
         homes.dedup();
         homes
@@ -402,11 +399,9 @@ fn prove(
 fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
     let mut changes = Vec::new();
     for (old, new) in old.iter().zip(new) {
-        let (a, b) = (lines_of(&old.text), lines_of(&new.text));
         let name = text_of(&old.name);
-        for (a, b) in hunks(&a, &b) {
-            let line = b.start + 1;
-            let (gone, come) = (a.len(), b.len());
+        for (a, b) in hunks(&lines_of(&old.text), &lines_of(&new.text)) {
+            let (line, gone, come) = (b.start + 1, a.len(), b.len());
             changes.push(format!("{name}:{line}: -{gone} +{come} lines"));
         }
     }
@@ -429,8 +424,7 @@ impl Project {
         // Write the chapters and tangle them
         let [before, after] = [&old, &new].map(|e| &e.web.sources);
         if !check && !edited.is_empty() {
-            let written = self.write_chapters(before, after);
-            written.map_err(|fault| vec![fault])?;
+            self.write_chapters(before, after)?;
             self.tangle()?;
         }
         Ok(changes(before, after))
@@ -440,7 +434,7 @@ impl Project {
         &self,
         old: &[Source],
         new: &[Source],
-    ) -> Result<(), Diagnostic> {
+    ) -> Result<(), Faults> {
         let texts = old.iter().zip(new).map(|(a, b)| (&a.text, &b.text));
         let mut changed: Vec<_> = self.chapters.iter().zip(texts).collect();
         changed.retain(|(_, (old, new))| old != new);
@@ -449,12 +443,12 @@ impl Project {
             let state = fs::metadata(self.dir.join(name));
             if state.is_ok_and(|state| state.permissions().readonly()) {
                 let error = io::ErrorKind::PermissionDenied.into();
-                return Err(Diagnostic::failure("write", name, &error));
+                return Err(failure("write", name, error));
             }
         }
         for (name, (_, text)) in changed {
             replace(&self.dir.join(name), text, None)
-                .map_err(|e| Diagnostic::failure("write", name, &e))?;
+                .map_err(|e| failure("write", name, e))?;
         }
         Ok(())
     }
@@ -467,13 +461,13 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Ok(parsed) => parsed,
         Err(text) => return streams.misused(text),
     };
-    let (changes, faults) = match project.untangle(check) {
-        Ok(changes) => (changes, Vec::new()),
-        Err(faults) => (Vec::new(), faults),
+    let changes = match project.untangle(check) {
+        Ok(changes) => changes,
+        Err(faults) => return streams.fail(&faults),
     };
     let lines = changes.iter().map(|line| format!("{line}\n"));
-    let text: String = lines.collect();
-    let result = streams.output.write_all(&bytes_of(&text));
-    let failed = !faults.is_empty() || check && !changes.is_empty();
-    streams.conclude(result, &faults).max(u8::from(failed)).min(1)
+    let text = bytes_of(&lines.collect::<String>());
+    let result = streams.output.write_all(&text);
+    let failed = check && !changes.is_empty();
+    streams.conclude(result, &[]).max(u8::from(failed))
 }

@@ -24,7 +24,7 @@ pub enum Piece {
     Use(Vec<u8>),
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Chunk {
     pub name: Vec<u8>,
     /// Where each definition begins; never empty.
@@ -82,7 +82,9 @@ impl Web {
                 _ => (),
             }
         }
-        web.drop_final_newlines();
+        for chunk in &mut web.chunks {
+            chunk.pieces.pop_if(|(piece, _)| *piece == Piece::Newline);
+        }
         web
     }
 
@@ -90,8 +92,7 @@ impl Web {
         let fresh = self.chunks.len();
         let index = *self.by_name.entry(name.clone()).or_insert(fresh);
         if index == fresh {
-            let (definitions, pieces) = (Vec::new(), Vec::new());
-            self.chunks.push(Chunk { name, definitions, pieces });
+            self.chunks.push(Chunk { name, ..Chunk::default() });
         }
         self.chunks[index].definitions.push(place);
         index
@@ -110,20 +111,13 @@ impl Web {
         self.chunks[chunk].pieces.push((piece, place));
     }
 
-    fn drop_final_newlines(&mut self) {
-        for chunk in &mut self.chunks {
-            let last = chunk.pieces.last();
-            if last.is_some_and(|(piece, _)| *piece == Piece::Newline) {
-                chunk.pieces.pop();
-            }
-        }
-    }
-
     /// Reads a stream that filters may have changed.
     pub fn read_stream(stream: &[u8]) -> (Self, Faults) {
         let mut reader = StreamReader::default();
         let read = lines(stream).try_for_each(|l| reader.read_line(l));
-        if let Err(text) = read.and_then(|()| reader.finish()) {
+        let whole = (reader.stage == Expected::Outside).then_some(());
+        let end = whole.ok_or("the stream ends inside a code chunk");
+        if let Err(text) = read.and(end) {
             reader.complain(Level::Impossible, text.into());
         }
         let StreamReader { sources, lexemes, faults, .. } = reader;
@@ -154,17 +148,9 @@ impl Web {
             if !used(chunk) && chunk.name != b"*" && !is_root(&chunk.name) {
                 let text = format!("chunk {name} is never used");
                 let file = [b"./", &chunk.name[..]].concat();
-                let help = match is_root(&file) {
-                    true => format!(
-                        "if it is a file, call it {}",
-                        text_of(&file)
-                    ),
-                    false => {
-                        "a file is named like src/main.rs, without spaces \
-                              and inside the project"
-                            .into()
-                    }
-                };
+                let named =
+                    format!("if it is a file, call it {}", text_of(&file));
+                let help = if is_root(&file) { &named } else { NO_FILE };
                 faults.push(self.warn(chunk, text).with_help(help));
             } else if used(chunk) && !marked[index] {
                 // Report the chunk if it marks itself
@@ -281,7 +267,9 @@ impl StreamReader {
             Token::File(name) => {
                 let file = self.sources.len() as u32;
                 self.place = Place { file, line: 1, column: 1 };
-                self.sources.push(open_again(name));
+                let text = std::fs::read(OsStr::from_bytes(name));
+                let text = text.unwrap_or_default();
+                self.sources.push(Source::new(name.clone(), text));
             }
             _ => (),
         }
@@ -310,17 +298,6 @@ impl StreamReader {
         let position = source.map(|s| s.position(self.place));
         self.faults.push(Diagnostic::new(level, position, text));
     }
-
-    fn finish(&self) -> Result<(), &'static str> {
-        let whole = self.stage == Expected::Outside;
-        whole.then_some(()).ok_or("the stream ends inside a code chunk")
-    }
-}
-
-fn open_again(name: &[u8]) -> Source {
-    let text = std::fs::read(OsStr::from_bytes(name));
-    let text = text.unwrap_or_default();
-    Source::new(name.to_vec(), text)
 }
 
 fn edit_distance(a: &[u8], b: &[u8]) -> usize {
@@ -336,6 +313,9 @@ fn edit_distance(a: &[u8], b: &[u8]) -> usize {
     }
     row[b.len()]
 }
+
+const NO_FILE: &str = "a file is named like src/main.rs, without spaces \
+    and inside the project";
 
 pub fn quoted(name: &[u8]) -> String {
     format!("<<{}>>", text_of(name))

@@ -130,17 +130,17 @@ pub fn write_levels<B: IntoIterator<Item = u8>>(
             false => value,
         };
         let shown = part.shown();
-        let pixels = (0..width).flat_map(|x| {
-            shown.iter().map(move |list| known(x, list[x as usize]))
-        });
-        let mut last = (0., 0);
-        let levels = pixels.map(|value| {
-            if value != last.0 {
-                last = (value, level(value, white));
+        let (mut bytes, mut last) = (vec![], (0., 0));
+        for x in 0..width {
+            for list in &shown {
+                let value = known(x, list[x as usize]);
+                if value != last.0 {
+                    last = (value, level(value, white));
+                }
+                bytes.extend(encode(last.1));
             }
-            last.1
-        });
-        levels.flat_map(&encode).collect()
+        }
+        bytes
     };
     write_rows(image, &Vec::from_iter(0..height), all, row, out)
 }

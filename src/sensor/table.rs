@@ -12,8 +12,8 @@ use crate::camera::typed;
 use crate::film::{Film, WORTH};
 use crate::materials::FaceAlbedos;
 use crate::numerics::{cross, normalise};
-use crate::scene::{Mark, Scene};
-use crate::sensor::{Oddity, Receivers, Side};
+use crate::scene::{Mesh, Scene};
+use crate::sensor::{Oddity, Point, Receivers};
 
 /// Formats of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,18 +27,20 @@ pub enum TableFormat {
 }
 
 impl TableFormat {
-    /// The format of a file, CSV of standard output.
+    /// The format of a file, CSV of standard output; `has_vertices` if the
+    /// receivers are vertices.
     ///
     /// # Errors
-    /// The extension is another.
-    pub fn of(path: &Path) -> Result<Self, String> {
+    /// The extension is another, or not for these receivers.
+    pub fn of(path: &Path, has_vertices: bool) -> Result<Self, String> {
         match path.extension().and_then(|e| e.to_str()) {
             Some("csv") => Ok(Self::Csv),
             Some("ply") => Ok(Self::Ply),
-            Some("obj") => Ok(Self::Obj),
+            Some("obj") if has_vertices => Ok(Self::Obj),
             None if path.as_os_str() == "-" => Ok(Self::Csv),
             _ => Err(format!(
-                "{}: receivers have no image: expected .csv, .ply or .obj",
+                "{}: receivers have no image: expected .csv or .ply, or \
+                 .obj, which shows values of --vertices",
                 path.display()
             )),
         }
@@ -47,12 +49,13 @@ impl TableFormat {
 
 /// What bears the values.
 pub enum Shape {
-    /// Points, with these normals, and their lines in the file.
-    Points(Vec<DVec3>, Vec<u32>),
+    /// Points.
+    Points(Vec<Point>),
     /// The vertices of triangles.
     Vertices,
-    /// The faces of triangles, given that of each; and their sides.
-    Faces(Vec<u32>, Side),
+    /// The faces of triangles, given the face of each; and whether it is the
+    /// back, for each side that receives.
+    Faces(Vec<u32>, &'static [bool]),
 }
 
 impl Shape {
@@ -70,18 +73,14 @@ impl Shape {
 pub struct Table {
     /// What bears the values.
     pub shape: Shape,
-    /// The points, or the vertices, in the coordinates of the file.
-    pub vertices: Vec<DVec3>,
-    /// The triangles, if there are not points.
-    pub triangles: Vec<[u32; 3]>,
-    /// What the file calls its faces.
-    pub marks: Vec<Mark>,
+    /// The scene, in the coordinates of the file, unless there are points.
+    pub mesh: Mesh,
     /// The albedo of each face, if it is radiosity that is asked for.
     pub albedos: Option<FaceAlbedos>,
 }
 
-/// A value, its standard error and number of samples.
-type Value = [f64; 3];
+/// A value and its standard error, and the number of samples.
+type Value = ([f32; 2], f64);
 
 /// A text as CSV has it.
 fn cell(text: &str) -> String {
@@ -94,55 +93,51 @@ fn cell(text: &str) -> String {
 impl Table {
     /// The receivers, in its order.
     pub fn receivers(&self, scene: &Scene) -> Receivers {
-        let Self { vertices, triangles, .. } = self;
         match &self.shape {
-            Shape::Points(normals, _) => {
-                Receivers::points(vertices, normals, &scene.frame)
-            }
+            Shape::Points(all) => Receivers::points(all, &scene.frame),
             Shape::Vertices => Receivers::vertices(&scene.triangles),
-            Shape::Faces(faces, side) => {
-                let vertices = &scene.triangles.vertices;
-                Receivers::faces(vertices, triangles, faces, *side)
+            Shape::Faces(faces, backs) => {
+                let place = |i: u32| scene.triangles.vertices[i as usize];
+                let triangles = self.mesh.triangles.iter();
+                let triangles = triangles.map(|corners| corners.map(place));
+                Receivers::faces(triangles, faces, backs)
             }
         }
     }
 
     /// The face of a receiver, from 0, and whether it is the back.
-    fn face(&self, number: u32) -> (u32, bool) {
-        match self.shape {
-            Shape::Faces(_, Side::Both) => (number / 2, number % 2 == 1),
-            Shape::Faces(_, side) => (number, side == Side::Back),
-            _ => (number, false),
-        }
+    fn face(&self, number: usize) -> (u32, bool) {
+        let Shape::Faces(_, backs) = self.shape else {
+            return (number as u32, false);
+        };
+        ((number / backs.len()) as u32, backs[number % backs.len()])
     }
 
-    /// Which of the receivers have no value, or one that may not be meant, and
-    /// why: a line for both, if there are any.
+    /// How many of the receivers have no value, or a doubtful one, and why: a
+    /// line for both, if there are any.
     pub fn odd(&self, receivers: &Receivers) -> Vec<String> {
-        let Receivers { numbers, refused, doubted, .. } = receivers;
-        let all = numbers.len() + refused.len();
-        let line = |(odd, what): (&Vec<(Oddity, u32)>, &str)| {
-            let (count, name) = (odd.len(), self.shape.name());
+        let (all, name) = (receivers.asked, self.shape.name());
+        let line = |odd: &[(Oddity, u32)]| {
+            let value = if odd[0].0.0 { "a doubtful" } else { "no" };
             let kinds = odd.chunk_by(|a, b| a.0 == b.0).map(|kind| {
-                let (why, first) = kind[0];
-                let first = self.place(first);
-                format!("{} {why}, the first {first}", kind.len())
+                let ((_, why), first) = kind[0];
+                let first = self.place(first as usize);
+                format!("{why}: {}, the first {first}", kind.len())
             });
             let kinds = kinds.collect::<Vec<_>>().join("; ");
-            format!("{count} of {all} {name} {what}: {kinds}")
+            format!(
+                "{value} value for {} of {all} {name}: {kinds}",
+                odd.len()
+            )
         };
-        let lists =
-            [(refused, "have no value"), (doubted, "may not be meant")];
-        let lists = lists.into_iter().filter(|(odd, _)| !odd.is_empty());
-        lists.map(line).collect()
+        let lines = receivers.odd.chunk_by(|(a, _), (b, _)| a.0 == b.0);
+        lines.map(line).collect()
     }
 
     /// Where a receiver is in its file.
-    fn place(&self, number: u32) -> String {
+    fn place(&self, number: usize) -> String {
         match (&self.shape, self.face(number)) {
-            (Shape::Points(_, lines), _) => {
-                format!("in line {}", lines[number as usize])
-            }
+            (Shape::Points(all), _) => format!("in line {}", all[number].2),
             (_, (face, true)) => format!("the back of {}", face + 1),
             (_, (face, false)) => (face + 1).to_string(),
         }
@@ -163,35 +158,24 @@ impl Table {
         grey: fn(f64) -> u8,
         out: &mut dyn Write,
     ) -> io::Result<()> {
-        let values = self.values(receivers, film, allocation);
+        // Find the value of each receiver
+        let mut values = vec![([f32::NAN; 2], 0.); receivers.asked];
+        let window = film.window;
+        let numbers = &receivers.numbers[window.corner.1 as usize..];
+        let means = film.means_of(window).into_iter();
+        let found = means.zip(film.errors(WORTH, window));
+        let found = found.zip(film.counts_of(window, allocation));
+        for (&number, ((mean, error), count)) in numbers.iter().zip(found) {
+            let (face, _) = self.face(number as usize);
+            let part = self.albedos.as_ref().map_or(1., |all| all.of(face));
+            let found = [mean, error].map(|x| (part * x) as f32);
+            values[number as usize] = (found, count);
+        }
         match format {
             TableFormat::Csv => self.csv(&values, out),
             TableFormat::Ply => self.ply(&values, grey, out),
             TableFormat::Obj => self.obj(&values, out),
         }
-    }
-
-    /// The values of all receivers, in the order of the file.
-    fn values(
-        &self,
-        receivers: &Receivers,
-        film: &Film,
-        allocation: Option<&[u32]>,
-    ) -> Vec<Value> {
-        let Receivers { numbers, refused, .. } = receivers;
-        let none = [f64::NAN, f64::NAN, 0.];
-        let mut values = vec![none; numbers.len() + refused.len()];
-        let window = film.window;
-        let errors = film.errors(WORTH, window);
-        let numbers = &numbers[window.corner.1 as usize..];
-        let found = film.means_of(window).into_iter().zip(errors);
-        let found = found.zip(film.counts_of(window, allocation));
-        for (&number, ((mean, error), count)) in numbers.iter().zip(found) {
-            let (face, _) = self.face(number);
-            let part = self.albedos.as_ref().map_or(1., |all| all.of(face));
-            values[number as usize] = [part * mean, part * error, count];
-        }
-        values
     }
 
     fn csv(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
@@ -207,35 +191,32 @@ impl Table {
             Some(_) => "radiosity (horizontal irradiance in the open = 1)",
             None => "irradiance (horizontal in the open = 1)",
         };
-        let mut marks = self.marks.iter().peekable();
-        let mut names = [""; 2];
+        let mut marks = self.mesh.marks.iter().peekable();
+        let mut names = [""; 4];
         // Write a line of CSV for each receiver
-        for (i, &[value, error, samples]) in values.iter().enumerate() {
-            let vertex = || typed(self.vertices[i]);
+        for (i, ([value, error], samples)) in values.iter().enumerate() {
             let mut more = String::new();
             let place = match &self.shape {
-                Shape::Points(normals, _) => {
-                    vertex() + "," + &typed(normals[i])
+                Shape::Points(all) => {
+                    [all[i].0, all[i].1].map(typed).join(",")
                 }
-                Shape::Vertices => format!("{},{}", i + 1, vertex()),
+                Shape::Vertices => {
+                    format!("{},{}", i + 1, typed(self.mesh.vertices[i]))
+                }
                 Shape::Faces(faces, _) => {
-                    let (face, is_back) = self.face(i as u32);
+                    let (face, is_back) = self.face(i);
                     // Describe a face
                     while let Some(mark) = marks.next_if(|m| m.face <= face)
                     {
-                        let kind = mark.kind as usize;
-                        if let Some(name) = names.get_mut(kind) {
-                            *name = &mark.name;
-                        }
+                        names[mark.kind as usize] = &mark.name;
                     }
-                    let [object, group] = names.map(cell);
+                    let [object, group, ..] = names.map(cell);
                     let numbers = self.measured(face, faces, is_back);
                     more = format!("{object},{group},{numbers}");
                     let side = if is_back { "back" } else { "front" };
                     format!("{},{side}", face + 1)
                 }
             };
-            let [value, error] = [value, error].map(|x| x as f32);
             let value = format!("{value:?},{error:?},{samples}");
             writeln!(out, "{place},{value},{more}{unit}")?;
         }
@@ -248,8 +229,8 @@ impl Table {
         let end = faces.partition_point(|&other| other <= face);
         let (mut across, mut twice) = (DVec3::ZERO, 0.);
         let mut moment = DVec3::ZERO;
-        for corners in &self.triangles[start..end] {
-            let [a, b, c] = corners.map(|i| self.vertices[i as usize]);
+        for corners in &self.mesh.triangles[start..end] {
+            let [a, b, c] = corners.map(|i| self.mesh.vertices[i as usize]);
             let normal = cross(b - a, c - a);
             across += if is_back { -normal } else { normal };
             twice += normal.length();
@@ -265,12 +246,13 @@ impl Table {
         grey: fn(f64) -> u8,
         out: &mut dyn Write,
     ) -> io::Result<()> {
-        let Self { shape, vertices, triangles, .. } = self;
-        let both = matches!(shape, Shape::Faces(_, Side::Both));
-        let count = if both { 2 } else { 1 } * triangles.len();
-        let corners = match shape {
-            Shape::Faces(..) => 3 * count,
-            _ => vertices.len(),
+        let Mesh { vertices, triangles, .. } = &self.mesh;
+        let all = triangles.len();
+        let (count, corners) = match self.shape {
+            Shape::Faces(_, backs) => {
+                (backs.len() * all, 3 * backs.len() * all)
+            }
+            _ => (all, values.len()),
         };
         // Write the head of a PLY
         write!(
@@ -279,8 +261,10 @@ impl Table {
              comment relative to the horizontal irradiance in the open\n\
              element vertex {corners}\n"
         )?;
-        let has_normal = !matches!(shape, Shape::Vertices);
-        let normal = if has_normal { "nx ny nz" } else { "" };
+        let normal = match self.shape {
+            Shape::Vertices => "",
+            _ => "nx ny nz",
+        };
         for (kind, names) in [
             ("double", "x y z"),
             ("float", normal),
@@ -297,38 +281,40 @@ impl Table {
         }
         writeln!(out, "end_header")?;
         // Find a corner, its normal and its receiver
-        let corner = |i: usize| match shape {
-            Shape::Points(normals, _) => (vertices[i], Some(normals[i]), i),
+        let corner = |i: usize| match &self.shape {
+            Shape::Points(all) => (all[i].0, Some(all[i].1), i),
             Shape::Vertices => (vertices[i], None, i),
-            Shape::Faces(faces, _) => {
-                let all = triangles.len();
+            Shape::Faces(faces, backs) => {
                 let (side, k) = (i / 3 / all, i / 3 % all);
-                let (_, is_back) = self.face(side as u32);
-                let [a, b, c] = triangles[k].map(|i| vertices[i as usize]);
-                let [a, b, c] = if is_back { [a, c, b] } else { [a, b, c] };
+                let mut corners =
+                    triangles[k].map(|i| vertices[i as usize]);
+                if backs[side] {
+                    corners.swap(1, 2);
+                }
+                let [a, b, c] = corners;
                 let normal = cross(normalise(b - a), normalise(c - a));
-                let number = count / all * faces[k] as usize + side;
-                ([a, b, c][i % 3], Some(normal.normalize_or_zero()), number)
+                let number = backs.len() * faces[k] as usize + side;
+                (corners[i % 3], Some(normal.normalize_or_zero()), number)
             }
         };
         // Write the corners of a PLY
         for (place, normal, number) in (0..corners).map(corner) {
-            let [value, error, _] = values[number];
+            let ([value, error], _) = values[number];
             let colour = match value.is_nan() {
                 true => [255, 0, 255],
-                false => [grey(value); 3],
+                false => [grey(value.into()); 3],
             };
             let place = place.to_array().map(f64::to_le_bytes);
             out.write_all(&place.concat())?;
-            let normal = normal.iter().flat_map(|n| n.to_array());
+            let normal = normal.iter().flat_map(|n| n.as_vec3().to_array());
             for x in normal.chain([value, error, value]) {
-                out.write_all(&(x as f32).to_le_bytes())?;
+                out.write_all(&x.to_le_bytes())?;
             }
             out.write_all(&colour)?;
         }
         // Write the triangles of a PLY
         for i in 0..count as u32 {
-            let corners = match shape {
+            let corners = match self.shape {
                 Shape::Faces(..) => [0, 1, 2].map(|k| 3 * i + k),
                 _ => triangles[i as usize],
             };
@@ -339,17 +325,11 @@ impl Table {
     }
 
     fn obj(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
-        if !matches!(self.shape, Shape::Vertices) {
-            let fault =
-                "an OBJ shows values of --vertices; name it .csv or .ply";
-            return Err(io::Error::other(fault));
-        }
-        for (&p, [value, ..]) in self.vertices.iter().zip(values) {
-            let grey = value.max(0.) as f32;
-            let [x, y, z] = p.to_array();
+        for (p, ([value, _], _)) in self.mesh.vertices.iter().zip(values) {
+            let ([x, y, z], grey) = (p.to_array(), value.max(0.));
             writeln!(out, "v {x} {y} {z} {grey} {grey} {grey}")?;
         }
-        for corners in &self.triangles {
+        for corners in &self.mesh.triangles {
             let [a, b, c] = corners.map(|corner| corner + 1);
             writeln!(out, "f {a} {b} {c}")?;
         }

@@ -3,20 +3,32 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The command `ptview`: turns a scene in the browser.
 //!
-//! The main thread answers requests, another one renders what is wanted, and
-//! one for each open page sends it what is rendered.
+//! The main thread answers requests and sends pages what is rendered; another
+//! one renders what is wanted.
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::process::{Child, Command, ExitCode, Stdio};
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, RwLock};
 use std::time::{Duration, Instant};
 use std::{env, mem, thread};
 
+use axum::body::{Body, Bytes};
+use axum::extract::{DefaultBodyLimit, Path, rejection::JsonRejection};
+use axum::http::header::{CONTENT_TYPE, HOST};
+use axum::http::{StatusCode, uri::Authority};
+use axum::response::IntoResponse;
+use axum::routing::{get, post};
+use axum::{Json, Router};
 use glam::DVec3;
+use http_body_util::channel::{Channel, Sender};
+use hyper::{Request, body::Incoming};
+use hyper::{server::conn::http1, service::service_fn};
+use hyper_util::rt::TokioIo;
 use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{GROUND, Hit};
@@ -40,7 +52,10 @@ use litpt::sky::Sky;
 use litpt::state::key::Subject;
 use serde_json::{Map, Value, json};
 use tempfile::TempDir;
-use tiny_http::{Method as Verb, Request, Server};
+use tokio::time::{sleep, timeout};
+use tokio::{net::TcpListener, runtime::Builder, sync::watch};
+use tokio_io_timeout::TimeoutWriter;
+use tower_service::Service;
 
 /// What the pages want to see.
 #[derive(Default)]
@@ -50,16 +65,6 @@ struct Wanted {
     number: u64,
     /// Whether the scene is to be read again.
     reads: bool,
-    /// The number of open pages.
-    pages: usize,
-}
-
-/// What pages are sent: an image, and the state of the view by name, each with
-/// how often it has changed.
-#[derive(Default)]
-struct Shown {
-    image: (u64, Arc<Vec<u8>>),
-    state: (u64, Map<String, Value>),
 }
 
 /// A scene, how it is looked at, and by whom.
@@ -74,8 +79,9 @@ struct Viewer {
     changed: Condvar,
     /// Stops the run that goes on.
     interrupt: Interrupt,
-    shown: Mutex<Shown>,
-    fresh: Condvar,
+    /// The newest image as a message, and the state of the view by name.
+    image: watch::Sender<Bytes>,
+    state: watch::Sender<Map<String, Value>>,
     render: Mutex<Option<Render>>,
 }
 
@@ -84,15 +90,12 @@ fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
     value.lock().expect("no panic with the lock")
 }
 
-/// A kind of content, and the content.
-type Answer = (&'static str, Vec<u8>);
-
 /// A message of a stream: the lengths of its two parts, a text and numbers.
-fn message(text: &Value, numbers: &[u8]) -> Vec<u8> {
+fn message(text: &Value, numbers: &[u8]) -> Bytes {
     let text = text.to_string();
     let lengths = [text.len(), numbers.len()].map(|n| n as u32);
     let lengths = lengths.map(u32::to_le_bytes).concat();
-    [&lengths, text.as_bytes(), numbers].concat()
+    [&lengths, text.as_bytes(), numbers].concat().into()
 }
 
 /// A run of pt that renders the view to files.
@@ -133,31 +136,24 @@ fn run() -> Result<(), Error> {
     viewer.scene = RwLock::new(Some(World::open(&first)?));
     progress::hush();
     // Serve a page on a free port of this machine
-    let server = Server::http("127.0.0.1:0")
-        .map_err(|e| format!("cannot serve a page: {e}"))?;
-    viewer.host = server.server_addr().to_string();
+    let fault = |e| format!("cannot serve a page: {e}");
+    let runtime = Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(fault)?;
+    let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0"));
+    let listener = listener.map_err(fault)?;
+    viewer.host = listener.local_addr().map_err(fault)?.to_string();
     let address = format!("http://{}/{}/", viewer.host, viewer.token);
     let _ = writeln!(io::stdout(), "{address}");
     open_browser(&address);
     let viewer: &Viewer = Box::leak(Box::new(viewer));
     thread::spawn(|| viewer.work());
-    while interrupt.signal().is_none() {
-        let request = server.recv_timeout(Duration::from_millis(50));
-        // Pass on a request, if there is one
-        match request {
-            Ok(Some(request)) if request.body_length() > Some(BODY) => {
-                mem::forget(request);
-            }
-            Ok(Some(request))
-                if viewer.name_of(&request) == Some("stream") =>
-            {
-                thread::spawn(|| viewer.stream(request));
-            }
-            Ok(Some(request)) => viewer.answer(request),
-            _ => (),
+    runtime.block_on(async {
+        tokio::spawn(viewer.serve(listener));
+        while interrupt.signal().is_none() {
+            sleep(Duration::from_millis(50)).await;
+            viewer.watch_render();
         }
-        viewer.watch_render();
-    }
+    });
     viewer.stop_render();
     *lock(&viewer.render) = None;
     Ok(())
@@ -206,23 +202,17 @@ fn begin(words: &mut Vec<String>) -> Settings {
     let mut typed = mem::take(words).into_iter().peekable();
     while let Some(word) = typed.next() {
         let is_long = word.starts_with("--");
-        let (name, value) = match word.split_once('=') {
-            Some((name, value)) if is_long => (name, Some(value)),
-            _ if is_long => (&*word, None),
-            _ => word.split_at_checked(2).map_or((&*word, None), |parts| {
-                (parts.0, Some(parts.1).filter(|rest| !rest.is_empty()))
-            }),
-        };
-        let mut all = SETTINGS.iter();
-        let known =
-            all.find(|(short, long)| [*short, *long].contains(&name));
+        let end = word.find('=').filter(|_| is_long);
+        let end = end.unwrap_or(if is_long { word.len() } else { 2 });
+        let (name, rest) =
+            word.split_at_checked(end).unwrap_or((&*word, ""));
+        let known = SETTINGS.iter().find(|it| it.0 == name || it.1 == name);
         let is_plain = |value: &String| !value.contains('=');
-        let follows = |next: &String| known.is_some() && is_plain(next);
-        let value = match value {
-            Some(value) => Some(value.to_owned()).filter(is_plain),
-            None => typed.next_if(follows),
+        let value = match rest {
+            "" => typed.next_if(|next| known.is_some() && is_plain(next)),
+            _ => Some(rest.strip_prefix('=').unwrap_or(rest).to_owned()),
         };
-        match (known, value) {
+        match (known, value.filter(is_plain)) {
             (Some((name, _)), Some(value)) => {
                 settings.insert((*name).to_owned(), value);
             }
@@ -254,22 +244,20 @@ impl Viewer {
     }
 }
 
-/// The most bytes of the body of a request.
-const BODY: usize = 1024;
-
 /// The page, its style and its program.
-const PAGE: [&str; 3] = [
-    include_str!("page.html"),
-    include_str!("view.css"),
-    include_str!("view.js"),
-];
+const PAGE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("view.css");
+const PROGRAM: &str = include_str!("view.js");
 
-/// No other site may read what we send, show it, or add to it; and each request
-/// has a connection of its own.
-const HEADERS: &str = "Content-Security-Policy: default-src 'self'; \
-    img-src 'self' data:; frame-ancestors 'none'\r\n\
-    Cache-Control: no-store\r\nReferrer-Policy: no-referrer\r\n\
-    X-Content-Type-Options: nosniff\r\nConnection: close\r\n";
+/// No other site may read what we send, show it, or add to it.
+const HEADERS: [(&str, &str); 4] = [
+    ("Content-Security-Policy", POLICY),
+    ("Cache-Control", "no-store"),
+    ("Referrer-Policy", "no-referrer"),
+    ("X-Content-Type-Options", "nosniff"),
+];
+const POLICY: &str =
+    "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'";
 
 /// Follows paths up to their second surface, and takes the radiance there from
 /// a cache, if there is one.
@@ -360,7 +348,7 @@ impl Viewer {
         let mut good = lock(&self.wanted).settings.clone();
         loop {
             let idle = |wanted: &mut Wanted| {
-                wanted.number == done || wanted.pages == 0
+                wanted.number == done || self.image.receiver_count() == 0
             };
             let wanted = self.changed.wait_while(lock(&self.wanted), idle);
             let mut wanted = wanted.expect("no panic with the lock");
@@ -372,17 +360,14 @@ impl Viewer {
             let shown = self.show(done, settings, reads, &mut guess);
             // Keep settings that can be shown
             let mut wanted = lock(&self.wanted);
-            match shown {
-                Ok(()) if wanted.number == done => {
-                    good = wanted.settings.clone()
+            if wanted.number == done {
+                match shown {
+                    Ok(()) => good.clone_from(&wanted.settings),
+                    Err(_) => wanted.settings.clone_from(&good),
                 }
-                Err(fault) => {
-                    if wanted.number == done {
-                        wanted.settings = good.clone();
-                    }
-                    self.tell(json!({ "fault": fault }));
-                }
-                Ok(()) => (),
+            }
+            if let Err(fault) = shown {
+                self.tell(json!({ "fault": fault }));
             }
         }
     }
@@ -608,116 +593,141 @@ impl Viewer {
             numbers.extend(film.errors(WORTH, film.window));
         }
         let numbers = numbers.iter().map(|x| (*x as f32).to_le_bytes());
-        let bytes = message(&about, &numbers.collect::<Vec<_>>().concat());
-        let mut shown = lock(&self.shown);
-        shown.image = (shown.image.0 + 1, Arc::new(bytes));
-        self.fresh.notify_all();
+        let bytes = numbers.collect::<Vec<_>>().concat();
+        self.image.send_replace(message(&about, &bytes));
     }
 
     /// Tells all pages what has changed of the state of the view.
-    fn tell(&self, state: Value) {
-        let mut shown = lock(&self.shown);
-        if let Value::Object(state) = state {
-            shown.state.1.extend(state);
-        }
-        shown.state.0 += 1;
-        self.fresh.notify_all();
+    fn tell(&self, news: Value) {
+        let Value::Object(news) = news else { return };
+        self.state.send_modify(|state| state.extend(news));
+    }
+
+    /// Opens the stream of a page.
+    fn open_stream(&'static self) -> impl IntoResponse {
+        let (page, stream) = Channel::<_, Infallible>::new(1);
+        tokio::spawn(self.stream(page));
+        let kind = "application/octet-stream";
+        ([(CONTENT_TYPE, kind)], Body::new(stream))
     }
 
     /// Sends a page what is shown, until it is closed.
-    fn stream(&self, request: Request) {
-        lock(&self.wanted).pages += 1;
-        if lock(&self.wanted).pages == 1 {
+    async fn stream(&self, mut page: Sender<Bytes>) {
+        let beat = Duration::from_millis(250);
+        let mut image = self.image.subscribe();
+        let mut state = self.state.subscribe();
+        image.mark_changed();
+        state.mark_changed();
+        if self.image.receiver_count() == 1 {
             self.want(|_| ());
         }
-        let mut out = request.into_writer();
-        let (mut last, beat) = ((0, 0), Duration::from_millis(250));
-        let kind = "Content-Type: application/octet-stream";
-        let head = format!("HTTP/1.1 200 OK\r\n{kind}\r\n{HEADERS}\r\n");
-        let mut written = out.write_all(head.as_bytes());
-        while written.is_ok() {
-            let same = |s: &mut Shown| (s.image.0, s.state.0) == last;
-            let shown = lock(&self.shown);
-            let waited = self.fresh.wait_timeout_while(shown, beat, same);
-            let (shown, _) = waited.expect("no panic with the lock");
-            let has_new =
-                [last.0 != shown.image.0, last.1 != shown.state.0];
-            last = (shown.image.0, shown.state.0);
-            let image = Arc::clone(&shown.image.1);
-            let state = has_new[1].then(|| shown.state.1.clone());
-            drop(shown);
-            let mut bytes = message(&json!({ "state": state }), &[]);
-            if has_new[0] {
-                bytes.extend_from_slice(&image);
-            }
-            written = out.write_all(&bytes).and_then(|()| out.flush());
+        let mut is_open = true;
+        while is_open {
+            let next = tokio::select! {
+                biased;
+                _ = state.changed() => {
+                    let state = &*state.borrow_and_update();
+                    message(&json!({ "state": state }), &[])
+                }
+                _ = image.changed() => image.borrow_and_update().clone(),
+                () = sleep(beat) => message(&json!({}), &[]),
+            };
+            is_open = page.send_data(next).await.is_ok();
         }
-        thread::sleep(beat);
-        let mut wanted = lock(&self.wanted);
-        wanted.pages -= 1;
-        if wanted.pages == 0 {
+        sleep(beat).await;
+        drop(image);
+        if self.image.receiver_count() == 0 {
             self.interrupt.0.store(1, Relaxed);
-            drop(wanted);
             self.stop_render();
         }
     }
 
-    /// What the address of a request names; nothing if it does not know the
-    /// secret, or was made for another host.
-    fn name_of<'r>(&self, request: &'r Request) -> Option<&'r str> {
-        let mut hosts = request.headers().iter();
-        let host = hosts.find(|header| header.field.equiv("Host"))?;
-        let host = host.value.as_str().replace("localhost", "127.0.0.1");
-        let name = request.url().strip_prefix('/')?;
-        let name = name.strip_prefix(&*self.token)?.strip_prefix('/')?;
-        (host == self.host).then_some(name)
+    /// The answers to what a page may ask for.
+    fn routes(&'static self) -> Router {
+        let at = |name| format!("/{}/{name}", self.token);
+        let text = |kind, text: &'static str| {
+            let kind = format!("text/{kind}; charset=utf-8");
+            get(([(CONTENT_TYPE, kind)], text))
+        };
+        let act = |act: fn(&Self, &Value) -> Value| {
+            post(async move |body: Bytes| {
+                let Json(body) = Json::from_bytes(&body)?;
+                Ok::<_, JsonRejection>(Json(act(self, &body)))
+            })
+        };
+        let file = async move |Path(name): Path<String>| self.file(&name);
+        Router::new()
+            .route(&at(""), text("html", PAGE))
+            .route(&at("view.css"), text("css", STYLE))
+            .route(&at("view.js"), text("javascript", PROGRAM))
+            .route(&at("stream"), get(async move || self.open_stream()))
+            .route(&at("set"), act(|it, body| it.set(body).into()))
+            .route(&at("pick"), act(|it, body| it.pick(body).into()))
+            .route(&at("render"), act(|it, body| json!(it.render(body))))
+            .route(&at("stop"), act(|it, _| json!(it.stop_render())))
+            .route(&at("{file}"), get(file))
+            .layer(DefaultBodyLimit::max(1024))
     }
 
-    /// Answers a request of a page.
-    fn answer(&self, mut request: Request) {
-        let posts = *request.method() == Verb::Post
-            && request.body_length().is_some();
-        let body =
-            posts.then(|| serde_json::from_reader(request.as_reader()));
-        let body: Value = body.and_then(Result::ok).unwrap_or_default();
-        let name = self.name_of(&request).unwrap_or("?");
-        let answer = match name {
-            "" => Some(("text/html", PAGE[0].into())),
-            "view.css" => Some(("text/css", PAGE[1].into())),
-            "view.js" => Some(("text/javascript", PAGE[2].into())),
-            _ if posts => self.act(name, &body),
-            _ => self.file(name),
+    /// Refuses a request that was made for another host.
+    fn admit(&self, request: &Request<Incoming>) -> Result<(), StatusCode> {
+        let mut hosts = request.headers().get_all(HOST).iter();
+        let (Some(host), None) = (hosts.next(), hosts.next()) else {
+            return Err(StatusCode::BAD_REQUEST);
         };
-        let (status, kind, content) = match answer {
-            Some((kind, content)) => ("200 OK", kind, content),
-            None => ("404 Not Found", "text/plain", b"not found".to_vec()),
-        };
-        let head = format!(
-            "HTTP/1.1 {status}\r\nContent-Type: {kind}; charset=utf-8\r\n\
-             Content-Length: {}\r\n{HEADERS}\r\n",
-            content.len()
-        );
-        let mut out = request.into_writer();
-        let _ = out.write_all(&[head.as_bytes(), &content].concat());
-        let _ = out.flush();
+        let host = host.to_str().unwrap_or_default();
+        let authority = request.uri().authority();
+        let host = authority.map_or(host, Authority::as_str);
+        let host = host.to_lowercase().replace("localhost", "127.0.0.1");
+        (host == self.host).then_some(()).ok_or(StatusCode::NOT_FOUND)
     }
 
-    /// Does what a page asks for; nothing if it is unknown.
-    fn act(&self, name: &str, body: &Value) -> Option<Answer> {
-        let answer = match name {
-            "set" => self.set(body).into(),
-            "pick" => self.pick(body).unwrap_or_default(),
-            "render" => {
-                self.render(body);
-                Value::Null
-            }
-            "stop" => {
-                self.stop_render();
-                Value::Null
-            }
-            _ => return None,
-        };
-        Some(("application/json", answer.to_string().into_bytes()))
+    /// Serves connections, as long as the program lasts.
+    async fn serve(&'static self, listener: TcpListener) {
+        let (newest, routes) = (watch::Sender::new(0), self.routes());
+        loop {
+            let Ok((stream, _)) = listener.accept().await else {
+                // Too many files are open: no connection stays that waits.
+                newest.send_modify(|number| *number += 33);
+                sleep(Duration::from_millis(10)).await;
+                continue;
+            };
+            let (mut last, routes) = (newest.subscribe(), routes.clone());
+            newest.send_modify(|number| *number += 1);
+            let number = *newest.borrow();
+            tokio::spawn(async move {
+                // Answer the request of a connection
+                let is_answered = &AtomicBool::new(false);
+                let answer = service_fn(async |request| {
+                    let reply = match self.admit(&request) {
+                        Ok(()) => routes.clone().call(request).await,
+                        Err(refusal) => Ok(refusal.into_response()),
+                    };
+                    is_answered.store(true, Relaxed);
+                    Ok::<_, Infallible>((HEADERS, reply).into_response())
+                });
+                let mut stream = TimeoutWriter::new(stream);
+                stream.set_timeout(Some(Duration::from_secs(30)));
+                let stream = TokioIo::new(Box::pin(stream));
+                let mut server = http1::Builder::new();
+                server.keep_alive(false).half_close(true);
+                let served = server.serve_connection(stream, answer);
+                tokio::pin!(served);
+                let late = async {
+                    let is_old = |last: &u64| {
+                        last - number > 32 && !is_answered.load(Relaxed)
+                    };
+                    let old = last.wait_for(is_old);
+                    let _ = timeout(Duration::from_secs(5), old).await;
+                };
+                tokio::select! {
+                    _ = &mut served => (),
+                    () = late => if is_answered.load(Relaxed) { _ = served.await },
+                }
+            });
+            // Some connections end before the next one comes.
+            tokio::task::yield_now().await;
+        }
     }
 
     /// Changes settings, of which a null takes one away; returns the number of
@@ -725,21 +735,17 @@ impl Viewer {
     fn set(&self, body: &Value) -> u64 {
         self.want(|Wanted { settings, reads, .. }| {
             *reads |= body["read"] == true;
-            for (name, _) in SETTINGS {
-                match &body["set"][name] {
-                    Value::String(value) => {
-                        _ = settings.insert(name.into(), value.clone());
-                    }
-                    Value::Null if body["set"].get(name).is_some() => {
-                        settings.remove(name);
-                    }
-                    _ => (),
+            let given = body["set"].as_object().into_iter().flatten();
+            for (name, value) in given {
+                if SETTINGS.iter().any(|(short, _)| short == name) {
+                    settings.remove(name);
+                    let value = value.as_str().map(str::to_owned);
+                    settings.extend(value.map(|it| (name.clone(), it)));
                 }
             }
             // A view from a side has its own up, which follows the zenith.
-            let zenith = settings.get("--zenith").cloned();
-            if let (Some(zenith), true) =
-                (zenith, settings.contains_key("--view"))
+            if settings.contains_key("--view")
+                && let Some(zenith) = settings.get("--zenith").cloned()
             {
                 settings.insert("-u".into(), zenith);
             }
@@ -754,8 +760,8 @@ impl Viewer {
         let [x, y] =
             ["x", "y"].map(|name| body[name].as_f64().unwrap_or(0.));
         let hit = world.sensor.start(&world.bvh, x, y).2?;
-        let face = || world.bvh.face(hit.primitive) + 1;
-        let face = (hit.primitive < GROUND).then(face);
+        let is_face = hit.primitive < GROUND;
+        let face = is_face.then(|| world.bvh.face(hit.primitive) + 1);
         let point = world.frame.back(hit.point).to_array();
         Some(json!({ "point": point, "face": face }))
     }
@@ -835,11 +841,13 @@ impl Viewer {
     }
 
     /// A file that was rendered.
-    fn file(&self, name: &str) -> Option<Answer> {
-        let name = FILES.into_iter().find(|file| *file == name)?;
+    fn file(&self, name: &str) -> Result<Vec<u8>, StatusCode> {
         let render = lock(&self.render);
-        let path = render.as_ref()?.folder.path().join(name);
-        Some(("application/octet-stream", fs::read(path).ok()?))
+        let is_ours = FILES.contains(&name);
+        let render = render.as_ref().filter(|_| is_ours);
+        let path = render.map(|render| render.folder.path().join(name));
+        let file = path.and_then(|path| fs::read(path).ok());
+        file.ok_or(StatusCode::NOT_FOUND)
     }
 }
 

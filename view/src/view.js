@@ -16,7 +16,7 @@ const turned = (v, axis, angle) => add(add(scaled(v, Math.cos(angle)),
   cross(axis, v), Math.sin(angle)), axis, dot(axis, v) * (1 - Math.cos(angle)));
 
 // What the server has told, and the camera as it is moved here.
-let state = {}, view = null, image = null, sent = 0;
+let state = {}, view = null, image = null, sent = 0, grip = null;
 let exposure = null, stops = null, pivot = null, showsErrors = false;
 
 const post = (name, body) => fetch(name, {
@@ -245,17 +245,21 @@ const pick = async (event) => (await post("pick", place(event))).json();
 
 canvas.addEventListener("pointerdown", async (event) => {
   canvas.setPointerCapture(event.pointerId);
+  grip = event;
   pivot = view.target;
   pivot = (await pick(event))?.point ?? pivot;
 });
 canvas.addEventListener("pointermove", (event) => {
   if (!event.buttons) return point(event);
-  const [dx, dy] = [event.movementX, event.movementY];
+  if (event.pointerId !== grip?.pointerId) return;
+  const dx = event.clientX - grip.clientX, dy = event.clientY - grip.clientY;
+  grip = event;
   if (!event.shiftKey) return turn(pivot, [-0.006 * dx, -0.006 * dy]);
   const depth = dot(add(pivot, view.position, -1), axes().ahead);
   const height = 2 * depth * Math.tan(view.fov * Math.PI / 360);
   walk([-dx, 0, dy], height / canvas.clientHeight);
 });
+canvas.addEventListener("lostpointercapture", () => { grip = null; });
 canvas.addEventListener("wheel", async (event) => {
   event.preventDefault();
   const nearer = Math.exp(0.001 * event.deltaY);
