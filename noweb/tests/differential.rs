@@ -11,12 +11,10 @@
 //! With LITPT_NOWEB_ORACLE=1 in the environment its absence is a failure;
 //! otherwise these tests pass without looking when it is absent.
 
-use crate::common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{
+use crate::common::{
     Case, Outcome, Scratch, difference, links, oracle, run, shell,
 };
 

@@ -11,9 +11,7 @@
 //! `tests/record.sh` makes the recordings. Where ours differs on purpose,
 //! a case holds what ours does, and why.
 
-use crate::common;
-
-use common::{Case, Outcome, difference, links, shell};
+use crate::common::{Case, Outcome, difference, links, shell};
 
 #[test]
 fn every_case_gives_what_was_recorded() {

@@ -8,8 +8,6 @@
 
 //! Positions of the program, translated into positions of the chapters.
 
-use crate::common;
-
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
@@ -18,7 +16,7 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use common::{Outcome, Scratch, noweb};
+use crate::common::{Outcome, Scratch, noweb};
 use noweb::locate::Atlas;
 use noweb::map::Filter;
 use noweb::project::Project;
@@ -74,8 +72,7 @@ add_one(x) == 9
 fn project() -> Scratch {
     let scratch = Scratch::new();
     scratch.write("chapters/a.nw", CHAPTER);
-    let outcome = run(&scratch, &["tangle", "chapters/a.nw"]);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    run(&scratch, &["tangle", "chapters/a.nw"]).succeeded();
     scratch
 }
 
@@ -100,8 +97,8 @@ fn run(scratch: &Scratch, args: &[&str]) -> Outcome {
 /// What `noweb map` makes of a text, with the chapter as the web.
 fn mapped(scratch: &Scratch, text: &str) -> String {
     let outcome =
-        run(scratch, &["map", "chapters/a.nw", "--", "echo", text]);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+        run(scratch, &["map", "chapters/a.nw", "--", "echo", text])
+            .succeeded();
     outcome.stdout()
 }
 
@@ -174,8 +171,7 @@ fn a_master_names_its_chapters() {
     scratch.write("book.nw", master);
     let echo = ["--", "echo", "src/main.rs:1:1"];
     let args = [&["map", "book.nw"][..], &echo].concat();
-    let found = "chapters/a.nw:3:1\n";
-    assert_eq!(run(&scratch, &args).stdout(), found);
+    assert_eq!(run(&scratch, &args).stdout(), "chapters/a.nw:3:1\n");
     fs::remove_file(scratch.path().join("book.nw")).expect("a book");
     for args in [args, [&["map"][..], &echo].concat()] {
         let outcome = run(&scratch, &args);
@@ -438,8 +434,7 @@ fn compile(scratch: &Scratch, through_us: bool, colour: &str) -> String {
 
 #[test]
 fn the_compilers_errors_point_into_the_chapter() {
-    let scratch = project();
-    let text = compile(&scratch, true, "never");
+    let text = compile(&project(), true, "never");
     let error = "\
 error[E0308]: mismatched types
     --> chapters/a.nw:16:23
@@ -533,8 +528,7 @@ fn two_webs_are_two_programs() {
     assert_eq!(run(&scratch, &tangle).status, 0);
     let line = "src/main.rs:1:1 tool/src/t.rs:1:1 ./src/t.rs:1";
     let masters = ["book.nw", "tool/book.nw"];
-    let echo = ["--", "echo", line];
-    let args = [&["map"], &masters[..], &echo[..]].concat();
+    let args = [&["map"], &masters[..], &["--", "echo", line]].concat();
     let wanted = "chapters/a.nw:3:1 tool/chapters/t.nw:4:1 \
                   tool/chapters/t.nw:4\n";
     assert_eq!(run(&scratch, &args).stdout(), wanted);
@@ -557,8 +551,7 @@ fn the_status_of_a_command_is_ours_and_so_are_its_streams() {
     assert_eq!(shell("printf src/main.rs:1").stdout(), "chapters/a.nw:3");
     let missing = run(&scratch, &["map", "chapters/a.nw", "--", "./no"]);
     assert_eq!(missing.status, 127);
-    let missing = run(&scratch, &["map", "chapters/a.nw", "--"]);
-    assert_eq!(missing.status, 2);
+    assert_eq!(run(&scratch, &["map", "chapters/a.nw", "--"]).status, 2);
 }
 
 #[test]

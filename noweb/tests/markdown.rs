@@ -347,8 +347,7 @@ fn the_common_words_are_those_of_six_commands() {
     let input = || fs::File::open(web).unwrap();
     let words = run(Command::new("sh").args(["-c", pipe]).stdin(input()));
     let program = place.path().join("wc");
-    let ours = run(Command::new(program).arg("20").stdin(input()));
-    assert_eq!(ours, words);
+    assert_eq!(run(Command::new(program).arg("20").stdin(input())), words);
 }
 
 /// A place with a new program, whose build finds our tool.

@@ -8,8 +8,6 @@
 
 //! Tangling all files of a program, and refusing to lose anyone's work.
 
-use crate::common;
-
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Read;
@@ -19,7 +17,7 @@ use std::os::unix::net::UnixStream;
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-use common::{Outcome, Scratch, noweb, run, shell};
+use crate::common::{Outcome, Scratch, noweb, run, shell};
 
 const CHAPTER: &str = "\
 Prose.
@@ -122,8 +120,7 @@ fn a_written_file_has_the_time_of_its_chapter() {
     scratch.write("chapters/b.nw", "<<Count>>=\nagain();\n");
     let newer = age(&scratch, "chapters/b.nw", 60);
     scratch.write("chapters/c.nw", "This one contributes nothing.\n");
-    let outcome = tangle(&scratch, &["chapters/b.nw", "chapters/c.nw"]);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    tangle(&scratch, &["chapters/b.nw", "chapters/c.nw"]).succeeded();
     assert_eq!(modified(&scratch, "src/main.rs"), newer);
     assert_eq!(
         modified(&scratch, "scripts/run"),
@@ -161,8 +158,7 @@ fn an_edit_by_hand_is_refused_with_its_chapter_line() {
     tangle(&scratch, &[]);
     let edited = MAIN.replace("count();", "count_by_hand();");
     scratch.write("src/main.rs", &edited);
-    let changed = CHAPTER.replace("echo", "printf");
-    scratch.write("chapters/a.nw", changed);
+    scratch.write("chapters/a.nw", CHAPTER.replace("echo", "printf"));
     let outcome = tangle(&scratch, &[]);
     assert_eq!(outcome.status, 1);
     assert_eq!(
@@ -203,9 +199,7 @@ fn a_deleted_file_is_tangled_anew() {
 fn a_file_that_nobody_tangled_is_not_overwritten() {
     let scratch = project();
     scratch.write("src/main.rs", "fn main() {}\n");
-    let outcome = tangle(&scratch, &[]);
-    assert_eq!(outcome.status, 1);
-    assert!(outcome.stderr().contains("edited by hand"));
+    tangle(&scratch, &[]).failed("edited by hand");
     assert_eq!(scratch.read("src/main.rs"), "fn main() {}\n");
     assert_eq!(listing(&scratch), ["./src/main.rs"]);
 }
@@ -217,10 +211,8 @@ fn a_file_without_a_chunk_is_removed_unless_it_was_edited() {
     let renamed = CHAPTER.replace("scripts/run", "scripts/walk");
     scratch.write("chapters/a.nw", &renamed);
     scratch.write("scripts/run", "#!/bin/sh\nmine\n");
-    let outcome = tangle(&scratch, &[]);
-    assert_eq!(outcome.status, 1);
     let said = "no chunk defines scripts/run, an edited file";
-    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+    tangle(&scratch, &[]).failed(said);
     scratch.write("scripts/run", "#!/bin/sh\necho \"$0\"\n");
     assert_eq!(tangle(&scratch, &[]).status, 0);
     let files = ["./.tangled", "./a.mk", "./scripts/walk", "./src/main.rs"];
@@ -309,19 +301,15 @@ fn what_hangs_below_a_lost_cycle_is_no_cycle() {
 fn a_directory_that_cannot_be_written_is_named() {
     let scratch = project();
     scratch.write("src", "a file where a directory should be\n");
-    let outcome = tangle(&scratch, &[]);
-    assert_eq!(outcome.status, 1);
     let said = "error: cannot write src/main.rs: ";
-    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+    tangle(&scratch, &[]).failed(said);
 }
 
 #[test]
 fn a_chapter_that_cannot_be_read_is_named() {
     let scratch = project();
-    let outcome = tangle(&scratch, &["chapters/none.nw"]);
-    assert_eq!(outcome.status, 1);
     let said = "error: cannot read chapters/none.nw: ";
-    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+    tangle(&scratch, &["chapters/none.nw"]).failed(said);
     assert_eq!(listing(&scratch), [""; 0]);
 }
 
@@ -337,10 +325,8 @@ fn a_full_disk_leaves_the_old_file_and_no_debris() {
         noweb().display()
     );
     let before = listing(&scratch);
-    let outcome = shell(&command, scratch.path(), scratch.path());
-    assert_eq!(outcome.status, 1, "{}", outcome.stderr());
     let said = "error: cannot write src/main.rs: File too large";
-    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+    shell(&command, scratch.path(), scratch.path()).failed(said);
     assert_eq!(scratch.read("src/main.rs"), MAIN);
     assert_eq!(listing(&scratch), before);
 }
@@ -369,7 +355,7 @@ fn each_command_has_a_help_and_a_version() {
     assert!(version.starts_with("noweb 0."), "{version}");
     let list = run(scratch.path(), &["--help"]).stdout();
     assert_eq!(run(scratch.path(), &["-h"]).stdout(), list);
-    for command in common::names() {
+    for command in crate::common::names() {
         let command = &command[..];
         assert!(list.contains(&format!("\n  {command} ")), "{command}");
         let help = run(scratch.path(), &[command, "--help"]);
@@ -545,12 +531,10 @@ fn an_output_that_is_closed_from_the_start_is_an_error() {
 fn the_mark_of_the_byte_order_is_skipped() {
     let scratch = Scratch::new();
     scratch.write("a.nw", "\u{feff}<<a.txt>>=\none\n");
-    let outcome = run(scratch.path(), &["tangle", "a.nw"]);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    run(scratch.path(), &["tangle", "a.nw"]).succeeded();
     assert_eq!(scratch.read("a.txt"), "one\n");
     scratch.write("a.txt", "two\n");
-    let outcome = run(scratch.path(), &["untangle", "a.nw"]);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    run(scratch.path(), &["untangle", "a.nw"]).succeeded();
     assert_eq!(scratch.read("a.nw"), "\u{feff}<<a.txt>>=\ntwo\n");
 }
 
@@ -594,8 +578,7 @@ fn names_are_comments_only_in_the_bodies_of_functions() {
         let body = format!("{before}\n    <<Do it>>\n{after}\n");
         let web = format!("<<a.rs>>=\n{body}<<Do it>>=\nx\n\ny\n");
         scratch.write("a.nw", web);
-        let outcome = run(scratch.path(), &["tangle", "a.nw"]);
-        assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+        run(scratch.path(), &["tangle", "a.nw"]).succeeded();
         let name = if named { "// Do it\n    x" } else { "x" };
         let done = body.replace("<<Do it>>", &format!("{name}\n\n    y"));
         assert_eq!(scratch.read("a.rs"), done);
@@ -635,8 +618,7 @@ fn bytes_of_any_encoding_and_long_names_pass_through() {
     let scratch = Scratch::new();
     let long = "l".repeat(251) + ".txt";
     let web = "<<dé/a[1].txt>>=\né <<é b>>\né\n<<é b>>=\ncé\n<<é>>=\n";
-    let web = format!("{web}<<{long}>>=\n1\n");
-    scratch.write("in", latin(&web));
+    scratch.write("in", latin(&format!("{web}<<{long}>>=\n1\n")));
     // Runs a line in Latin-1, in which N is our program.
     let says = |line: &str, parts: &[&str]| {
         let line = line.replace('N', &noweb().display().to_string());

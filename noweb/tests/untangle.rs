@@ -8,11 +8,9 @@
 
 //! Edits of tangled files come home to the chapters, or are refused.
 
-use crate::common;
-
 use std::fs;
 
-use common::{Outcome, Scratch, run, shell};
+use crate::common::{Outcome, Scratch, run, shell};
 use noweb::project::Project;
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -89,8 +87,7 @@ fn main() {
 fn project(chapter: &str) -> Scratch {
     let scratch = Scratch::new();
     scratch.write("a.nw", chapter);
-    let outcome = run(scratch.path(), &["tangle", "a.nw"]);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    run(scratch.path(), &["tangle", "a.nw"]).succeeded();
     scratch
 }
 
@@ -120,8 +117,7 @@ fn comes_home(edits: &[(&str, &str, &str)], old: &str, new: &str) {
     }
     let files: Vec<_> =
         edits.iter().map(|(file, ..)| scratch.read(file)).collect();
-    let outcome = untangle(&scratch);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    untangle(&scratch).succeeded();
     assert_eq!(CHAPTER.matches(old).count(), 1, "{old:?}");
     assert_eq!(scratch.read("a.nw"), CHAPTER.replace(old, new));
     for ((file, ..), text) in edits.iter().zip(files) {
@@ -142,9 +138,7 @@ fn is_refused(edits: &[(&str, &str, &str)], said: &str) {
 
 fn refuses(scratch: &Scratch, said: &str) {
     let before = snapshot(scratch);
-    let outcome = untangle(scratch);
-    assert_eq!(outcome.status, 1, "{}", outcome.stdout());
-    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+    untangle(scratch).failed(said);
     assert_eq!(snapshot(scratch), before, "something was written");
 }
 
@@ -162,8 +156,7 @@ fn an_edit_of_lines_of_two_characters_comes_home() {
     let scratch = project(&chapter);
     let added = "    least();\r\n    last();";
     edit(&scratch, "src/main.rs", "    last();", added);
-    let outcome = untangle(&scratch);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    untangle(&scratch).succeeded();
     let edited = chapter.replace("last();", "least();\r\nlast();");
     assert_eq!(scratch.read("a.nw"), edited);
 }
@@ -195,8 +188,7 @@ fn a_read_only_chapter_is_not_replaced_nor_are_those_before_it() {
     let scratch = Scratch::new();
     scratch.write("a.nw", CHAPTER);
     scratch.write("b.nw", "<<src/b.rs>>=\nb();\n");
-    let tangled = run(scratch.path(), &["tangle", "a.nw", "b.nw"]);
-    assert_eq!(tangled.status, 0, "{}", tangled.stderr());
+    run(scratch.path(), &["tangle", "a.nw", "b.nw"]).succeeded();
     edit(&scratch, MAIN_RS, "more();", "much_more();");
     edit(&scratch, "src/b.rs", "b();", "bb();");
     shell("chmod a-w b.nw", scratch.path(), scratch.path());
@@ -264,10 +256,8 @@ fn a_line_of_a_chunk_is_changed_at_both_of_its_uses() {
     let chapter = "<<a.rs>>=\n  <<Inner>>\nmiddle\n<<Inner>>\n\
                    @ Prose.\n<<Inner>>=\none\ntwo\n";
     let scratch = project(chapter);
-    let text = scratch.read("a.rs");
-    scratch.write("a.rs", text.replace("two\n", "done\n"));
-    let outcome = untangle(&scratch);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    scratch.write("a.rs", scratch.read("a.rs").replace("two\n", "done\n"));
+    untangle(&scratch).succeeded();
     assert_eq!(scratch.read("a.nw"), chapter.replace("two", "done"));
     // At one of the two uses it is refused.
     let scratch = project(chapter);
@@ -293,8 +283,7 @@ fn whole_functions_are_removed_from_many_places() {
     let scratch = project(&chapter);
     let kept = functions.iter().step_by(2).cloned();
     scratch.write("a.rs", kept.collect::<String>());
-    let outcome = untangle(&scratch);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    untangle(&scratch).succeeded();
     let gone = functions.iter().skip(1).step_by(2);
     let wanted = gone.fold(chapter, |chapter, f| chapter.replace(f, ""));
     assert_eq!(scratch.read("a.nw"), wanted);
@@ -309,8 +298,7 @@ fn whole_functions_are_removed_from_many_places() {
 fn a_function_is_not_removed_below_a_line_that_was_changed() {
     let (chapter, functions) = functions(3);
     let scratch = project(&chapter);
-    let changed = functions[0].replace("b0", "c0");
-    scratch.write("a.rs", changed + &functions[2]);
+    scratch.write("a.rs", functions[0].replace("b0", "c0") + &functions[2]);
     refuses(&scratch, OUTSIDE);
 }
 
@@ -350,8 +338,7 @@ fn an_edit_beside_a_use_is_refused() {
     is_refused(&[edit], OUTSIDE);
     let edit = (MAIN_RS, "x = 42 + 1", "x = 43 + 1");
     is_refused(&[edit], OUTSIDE);
-    let edit = (MAIN_RS, "    let x", "      let x");
-    is_refused(&[edit], OUTSIDE);
+    is_refused(&[(MAIN_RS, "    let x", "      let x")], OUTSIDE);
 }
 
 #[test]
@@ -359,8 +346,7 @@ fn lines_that_pair_off_come_home_to_two_chunks() {
     let chapter = "<<a.rs>>=\n<<Inner>>\nb = f(2);\n@ Prose.\n\
                    <<Inner>>=\na = f(1);\n";
     let scratch = project(chapter);
-    let text = scratch.read("a.rs").replace("f(", "g(");
-    scratch.write("a.rs", text);
+    scratch.write("a.rs", scratch.read("a.rs").replace("f(", "g("));
     assert_eq!(untangle(&scratch).status, 0);
     assert_eq!(scratch.read("a.nw"), chapter.replace("f(", "g("));
     // Lines that have little in common are no pairs.
@@ -396,8 +382,7 @@ fn a_chunk_of_two_files_is_not_changed_in_two_ways() {
     let said = ":2:1: error: no change of one chunk gives this line";
     is_refused(&[one, other], said);
     let one = (MAIN_RS, "// Two", "// x\n// Two");
-    let other = ("src/other.rs", "// Two", "// y\n// Two");
-    is_refused(&[one, other], said);
+    is_refused(&[one, ("src/other.rs", "// Two", "// y\n// Two")], said);
 }
 
 #[test]
@@ -410,8 +395,7 @@ fn a_function_is_renamed_in_several_files() {
         let text = scratch.read(file).replace("old()", "new_name()");
         scratch.write(file, text);
     }
-    let outcome = untangle(&scratch);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    untangle(&scratch).succeeded();
     let renamed = chapter.replace("old()", "new_name()");
     assert_eq!(scratch.read("a.nw"), renamed);
 }
@@ -459,8 +443,7 @@ fn an_edit_of_a_chunks_name_is_refused() {
 
 #[test]
 fn a_line_that_is_indented_too_little_is_refused() {
-    let edit = (MAIN_RS, "    more();", "  more();");
-    is_refused(&[edit], OUTSIDE);
+    is_refused(&[(MAIN_RS, "    more();", "  more();")], OUTSIDE);
 }
 
 #[test]
@@ -497,8 +480,7 @@ fn a_changed_chapter_does_not_merge_with_an_edit() {
     // Prose changes no file, and one change undone leaves the other.
     edit(&scratch, "a.nw", "    stop();\n    end();", "    end();");
     edit(&scratch, "a.nw", "Prose between.", "Prose of more.");
-    let outcome = untangle(&scratch);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    untangle(&scratch).succeeded();
     assert!(scratch.read("a.nw").contains("\nmuch_more();\n"));
 }
 
@@ -508,8 +490,7 @@ fn an_edit_that_is_in_the_chapter_already_is_no_edit() {
     edit(&scratch, MAIN_RS, "last();\n", "last();\n    ambiguous();\n");
     refuses(&scratch, EITHER);
     edit(&scratch, "a.nw", "last();\n", "last();\nambiguous();\n");
-    let outcome = untangle(&scratch);
-    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    untangle(&scratch).succeeded();
     assert_eq!(scratch.read("a.nw").matches("ambiguous").count(), 1);
 }
 
@@ -773,8 +754,7 @@ fn make(model: &mut Model, edit: &Edit, number: usize, tabs: bool) -> bool {
 fn plain(chapter: &str) -> Vec<String> {
     let lines = chapter.lines().filter(|line| !line.trim().is_empty());
     let plain = lines.map(|line| {
-        let doubled = line.starts_with("@@");
-        let line = if doubled { &line[1..] } else { line };
+        let line = if line.starts_with("@@") { &line[1..] } else { line };
         line.replace("@<<", "<<").replace("@>>", ">>")
     });
     plain.collect()

@@ -12,12 +12,10 @@
 //! Both read the same input, which the real stages have made. Without
 //! noweb there is nothing to compare, unless LITPT_NOWEB_ORACLE demands it.
 
-use crate::common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{Outcome, Scratch, links, oracle, shell};
+use crate::common::{Outcome, Scratch, links, oracle, shell};
 
 const EXAMPLES: &str = "/usr/share/doc/noweb/examples";
 

@@ -8,13 +8,11 @@
 
 //! The split back end, foreign filters, and what LaTeX makes of names.
 
-use crate::common;
-
 use std::fs;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use common::{Outcome, Scratch, links, run, shell, skip};
+use crate::common::{Outcome, Scratch, links, run, shell, skip};
 
 const MASTER: &str = r"\documentclass{article}
 \usepackage{noweb}
@@ -166,8 +164,7 @@ fn the_comment_does_not_glue_the_first_line_to_the_second() {
     weave(&book);
     let one = piece(&book, "one");
     let first = one.lines().next().expect("a line");
-    let begin = "Prose that begins % ";
-    assert!(first.starts_with(begin), "{first}");
+    assert!(first.starts_with("Prose that begins % "), "{first}");
     assert!(first.contains("chapters/one.nw"), "{first}");
 }
 
@@ -232,9 +229,7 @@ fn nothing_is_written_if_a_chapter_cannot_be_read() {
     weave(&book);
     age(&book);
     book.write("chapters/one.nw", "Entirely new, with <<brackets.\n");
-    let woven = weave(&book);
-    assert_eq!(woven.status, 1);
-    assert!(woven.stderr().contains("chapters/one.nw:1:20"));
+    weave(&book).failed("chapters/one.nw:1:20");
     assert_eq!(rewritten(&book), Vec::<String>::new());
 }
 
@@ -242,9 +237,7 @@ fn nothing_is_written_if_a_chapter_cannot_be_read() {
 fn a_directory_that_cannot_be_made_is_named() {
     let book = book();
     book.write("build", "a file in the way");
-    let woven = weave(&book);
-    assert_eq!(woven.status, 1);
-    assert!(woven.stderr().contains("build/tex"), "{}", woven.stderr());
+    weave(&book).failed("build/tex");
 }
 
 #[test]
@@ -262,8 +255,8 @@ fn a_filter_in_awk_changes_what_is_woven() {
     book.write("mark.awk", filter);
     let args = ["noweave", "-n", "-x", "-filter", "awk -f mark.awk"];
     let woven =
-        run(book.path(), &[&args[..], &["chapters/two.nw"]].concat());
-    assert_eq!(woven.status, 0, "{}", woven.stderr());
+        run(book.path(), &[&args[..], &["chapters/two.nw"]].concat())
+            .succeeded();
     let text = woven.stdout();
     assert_eq!(text.matches(r"(use)\LA{}").count(), 2, "{text}");
 }
@@ -272,8 +265,8 @@ fn a_filter_in_awk_changes_what_is_woven() {
 fn file_names_with_spaces_and_quotes_are_woven() {
     let book = book();
     book.write("it's a chapter.nw", ONE);
-    let inside = run(book.path(), &["noweave", "-n", "it's a chapter.nw"]);
-    assert_eq!(inside.status, 0, "{}", inside.stderr());
+    let inside = run(book.path(), &["noweave", "-n", "it's a chapter.nw"])
+        .succeeded();
     assert!(inside.stdout().contains("chapter.nw"));
 }
 

@@ -72,6 +72,20 @@ impl Outcome {
     pub fn stderr(&self) -> String {
         String::from_utf8_lossy(&self.stderr).into_owned()
     }
+
+    /// Ended with 0.
+    #[track_caller]
+    pub fn succeeded(self) -> Self {
+        assert_eq!(self.status, 0, "{}", self.stderr());
+        self
+    }
+
+    /// Ended with 1, and said this.
+    #[track_caller]
+    pub fn failed(&self, said: &str) {
+        assert_eq!(self.status, 1, "{}", self.stdout());
+        assert!(self.stderr().contains(said), "{}", self.stderr());
+    }
 }
 
 /// Our program.
@@ -202,8 +216,7 @@ impl Case {
             let name = path.file_name().expect("a name").to_string_lossy();
             let result = ["stdout", "stderr", "status", "why"];
             if !result.contains(&&*name) && !name.starts_with("ours.") {
-                let text = fs::read(&path).expect("an input");
-                scratch.write(&name, text);
+                scratch.write(&name, fs::read(&path).expect("an input"));
             }
         }
         scratch
