@@ -51,6 +51,7 @@ impl Recogniser {
     }
 }
 
+/// The class of a byte; none for one that separates.
 fn class(byte: u8) -> Option<u8> {
     match byte {
         b'_' | b'\'' | b'@' | b'#' => Some(b'a'),

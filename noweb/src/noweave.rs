@@ -46,7 +46,7 @@ struct Request {
 }
 
 /// The filters that an index needs.
-const OWN_FILTERS: [&str; 2] = ["finduses", "noidx"];
+const INDEX_FILTERS: [&str; 2] = ["finduses", "noidx"];
 
 impl Request {
     fn read(args: &[OsString]) -> Result<Self, String> {
@@ -88,7 +88,7 @@ impl Request {
             }
             "-index" => {
                 self.index = true;
-                self.filters.extend(OWN_FILTERS.map(OsString::from));
+                self.filters.extend(INDEX_FILTERS.map(OsString::from));
             }
             "-autodefs" => match &shown(next()?)[..] {
                 "rust" => self.autodefs = true,
@@ -233,7 +233,7 @@ impl Request {
         // Refuse what Markdown has no room for
         let mut filters = self.filters.iter().map(shown);
         if let Some(other) =
-            filters.find(|f| !OWN_FILTERS.contains(&&f[..]))
+            filters.find(|f| !INDEX_FILTERS.contains(&&f[..]))
         {
             return Err(error(format!("-md takes no filter ({other})")));
         }

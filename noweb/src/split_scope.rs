@@ -20,6 +20,7 @@ use crate::diagnostic::{shown, text_of};
 use crate::stream::{self, Outcome};
 use crate::totex::{self, Memory, Options};
 
+/// The file that a piece comes from, and its lines.
 type Part<'a> = (&'a [u8], &'a [&'a [u8]]);
 
 fn cut<'a>(lines: &'a [&'a [u8]]) -> Vec<Part<'a>> {
