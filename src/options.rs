@@ -368,7 +368,7 @@ fn parse_albedo(text: &str) -> Result<f64, String> {
 /// Parses a part of a whole: a number, or a percentage.
 fn parse_share(text: &str) -> Result<f64, String> {
     match text.strip_suffix('%') {
-        Some(percent) => Ok(parse_real(percent)? / 100.),
+        Some(percent) => Ok(parse_real(percent.trim_end())? / 100.),
         None => parse_real(text),
     }
 }
@@ -558,6 +558,21 @@ impl Options {
     pub fn parse(
         words: impl IntoIterator<Item = impl Into<OsString> + Clone>,
     ) -> Result<Self, Error> {
+        // Refuse a side that is a word of its own
+        let words: Vec<OsString> =
+            words.into_iter().map(Into::into).collect();
+        let is_side = |word| ["front", "back", "both"].contains(&word);
+        for pair in words.windows(2).filter(|pair| pair[0] == "--faces") {
+            let side = pair[1].to_str().filter(|word| is_side(word));
+            if let Some(side) =
+                side.filter(|side| !Path::new(side).exists())
+            {
+                return Err(usage(
+                    format!("--faces={side} is one word"),
+                    "pt",
+                ));
+            }
+        }
         let (mut typed, given) = parse_words::<Self>(words)?;
         // Note which options are given
         let here = Some(ValueSource::CommandLine);
@@ -664,16 +679,7 @@ impl Options {
             "--tiles {k}/{n}: the image has {rows} rows of tiles, and not \
              more bands"
         );
-        let scene = self.scene.as_ref().filter(|path| !path.exists());
-        let side = scene.filter(|path| {
-            let sides = ["front", "back", "both"].map(Path::new);
-            self.faces.is_some() && sides.contains(&&***path)
-        });
-        let side = side
-            .map(|side| format!("--faces={} is one word", side.display()));
-        let fault = if let Some(side) = &side {
-            side
-        } else if self.every.is_some() && checkpoint.is_none() {
+        let fault = if self.every.is_some() && checkpoint.is_none() {
             "--every needs --checkpoint"
         } else if checkpoint.is_some_and(is_dash) {
             "--checkpoint needs a file"

@@ -144,9 +144,12 @@ pub struct Receivers {
 /// it has not, in words.
 pub type Oddity = (bool, &'static str);
 
-/// What is around receivers: surfaces, their frame, and the unit vector to the
-/// zenith.
-pub type Around<'a> = (&'a Bvh, &'a Frame, DVec3);
+/// A point that cannot see the sky.
+pub const INSIDE: Oddity = (true, "inside a closed body");
+
+/// What is around receivers: surfaces, their frame, the unit vector to the
+/// zenith, and whether the normals of points and faces are to be compared.
+pub type Around<'a> = (&'a Bvh, &'a Frame, DVec3, bool);
 
 /// What receives.
 #[derive(Clone)]
@@ -304,7 +307,9 @@ fn read_point((i, line): (usize, &&str)) -> Option<Result<Point, String>> {
     let words = line.split(|c| is_gap(c) || c == ',');
     let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
     let numeral = |c| "0123456789+-.".contains(c);
-    let is_text = |word: &&str| !word.starts_with(numeral);
+    let is_text = |word: &&str| {
+        !word.starts_with(numeral) && word.parse::<f64>().is_err()
+    };
     let is_comment = words.first().is_none_or(|w| w.starts_with('#'));
     if is_comment || i == 0 && words.iter().all(is_text) {
         return None;
@@ -330,17 +335,20 @@ fn read_point((i, line): (usize, &&str)) -> Option<Result<Point, String>> {
 }
 
 /// What is odd about a point, if anything is.
-fn oddity((bvh, frame, zenith): Around, hit: &Hit) -> Option<Oddity> {
+fn oddity(
+    (bvh, frame, zenith, is_oriented): Around,
+    hit: &Hit,
+) -> Option<Oddity> {
     Some(if bvh.ground_below(hit.point) < -0.75 * LIFT {
         (false, "below the ground")
     } else if has_near(bvh, hit.point, 0.125 * LIFT, |_| true) {
         (false, "in an edge, or too close to a surface")
     } else if frame.is_far(hit.point) {
         (true, "outside by ten times the size of the scene")
-    } else if looks_into(bvh, hit) {
+    } else if is_oriented && looks_into(bvh, hit) {
         (true, "on a surface into which the normal points")
     } else if is_inside(bvh, hit.point, zenith) {
-        (true, "inside a closed body")
+        INSIDE
     } else {
         return None;
     })

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A run of the program, from its words to its files.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
@@ -46,7 +47,7 @@ use crate::run_output::{Product, RunOutput, attributes};
 use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::scene::{begins_obj, read_file};
 use crate::sensor::table::{Shape, Table, TableFormat};
-use crate::sensor::{Sensor, Side, read_points};
+use crate::sensor::{INSIDE, Sensor, Side, read_points};
 use crate::sky::{Cover, Sky};
 use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::{Asked, Framing, RunKey, Sensed, Subject, entries};
@@ -571,7 +572,10 @@ fn asked(
     let mesh = mesh.unwrap_or_default();
     let backs = options.faces.unwrap_or(Side::Front).backs();
     let grey = |value| level(value, 255) as u8;
-    Ok(Some((asked, Table { shape, backs, mesh, albedos, grey })))
+    let file = options.points.as_deref().map(input_name);
+    let file = file.unwrap_or(options.input_name()) + ": ";
+    let table = Table { shape, backs, mesh, file, albedos, grey };
+    Ok(Some((asked, table)))
 }
 
 /// The camera of what is shown.
@@ -835,11 +839,11 @@ fn build(
     // Settle the receivers
     if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor) {
         let grid = Grid::around(&all.middles());
-        let around = (&bvh, &frame, subject.sky.zenith);
+        let is_oriented =
+            options.points.is_some() && left_out[1].is_empty();
+        let around = (&bvh, &frame, subject.sky.zenith, is_oriented);
         all.settle(around, |hit| grid.order(hit));
-        let file = options.points.as_deref().map(input_name);
-        let file = file.unwrap_or(options.input_name());
-        warn_all(&(file + ": "), table.odd(all));
+        warn_all(&table.file, table.odd(all, |why, _| why != INSIDE));
         let (count, name) = (all.count(), table.shape.name());
         if count == 0 {
             return Err(format!("none of the {name} has a value"));
@@ -1068,9 +1072,20 @@ fn render(
         progress::error(&message);
         return Ok(stop);
     }
-    let is_list = output.known.run_key.subject.sensed.is_list();
-    if is_list && film.means().all(|mean| mean == 0.) {
-        progress::warn("no light arrives: does a face close each opening?");
+    if let Some((table, all)) = output.table {
+        // Warn of receivers without light
+        let first = film.window.corner.1 as usize;
+        let means = all.numbers[first..].iter().zip(film.means());
+        let dark =
+            means.filter(|(_, mean)| *mean == 0.).map(|(number, _)| number);
+        let dark: BTreeSet<_> = dark.collect();
+        if dark.len() as u64 == film.area() {
+            progress::warn(
+                "no light arrives: does a face close each opening?",
+            );
+        }
+        let is_told = |why, number| why == INSIDE && dark.contains(&number);
+        warn_all(&table.file, table.odd(all, is_told));
     }
     output.write(&convergence, &film, None)?;
     if output.known.run_key.only_learns() {

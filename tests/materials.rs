@@ -59,9 +59,9 @@ Ke 0 0 .1|KE 1|Ke spectral a.rfl|Ke 1,0|map_Ke a > luminous (Ke)
 d .5|d -halo .9|d 0,9|Tr .1|tr 1 # 0|map_d a > transparent (d, Tr)
 map_Kd a.png|map_kd -s 1 1 1 a|map_Kd #1.png|decal a > textured (map_Kd)
 Ks 0 0 1|Ks .5|illum 2|illum 9.0|map_Ks a|refl a > glossy (Ks, illum)
-Kd xyz 1 1 1|Kd spectral a.rfl > coloured (Kd xyz, Kd spectral)
+Kd xyz 1 1 1|KD XYZ .2 .3 .4|Kd spectral a.rfl > coloured (Kd xyz, Kd spectral)
 Kd .7|Kd .5 .5 .6 > given another Kd
-Ke 0 0|map_Ke|map_Kd|d 1|d -halo 1|d 1.0 # .5|Tr 0|illum 1|Kd .5 > ";
+Ke 0 0|map_Ke|map_Kd|d 1|d -halo 1|d 1.0 # .5|Tr 0|illum 1|Kd .5|Kd .5 .5 .5 1 > ";
 
 #[test]
 fn what_is_no_albedo_is_refused_or_told_with_its_line() {

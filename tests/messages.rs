@@ -228,6 +228,10 @@ fn what_is_likely_meant_is_named() {
     place.put("b.stl", binary);
     place.put("a.gltf", "{ \"asset\": {} }");
     place.put("a.dae", "<?xml version=\"1.0\"?>\n<COLLADA/>\n");
+    place
+        .put("b.dae", "\u{feff}\r\n <?XML version=\"1.0\"?>\n<COLLADA/>\n");
+    place.put("solid.obj", format!("#VRML by foo\n{ROOM}"));
+    place.done("solid.obj -n1 -d8x6 -oa.pfm");
     place.put("a.txt", "Dear all,\nplease find attached\n");
     for (words, status, message) in [
         ("room.obj --error max", 2, "--error-of max is what it limits"),
@@ -235,10 +239,13 @@ fn what_is_likely_meant_is_named() {
         ("room.obj --samples 64", 2, "-n is the number of samples"),
         ("--faces both", 2, "--faces=both is one word"),
         ("--faces front -r0", 2, "--faces=front is one word"),
+        ("room.obj --faces back", 2, "--faces=back is one word"),
+        ("--faces both room.obj", 2, "--faces=both is one word"),
         ("a.ply", 1, "a.ply: the format is PLY, not Wavefront OBJ"),
         ("a.stl", 1, "a.stl: the format is STL"),
         ("b.stl", 1, "b.stl: the format is STL"),
         ("a.gltf", 1, "a.gltf: the format is glTF"),
+        ("b.dae", 1, "b.dae: the format is COLLADA or other XML"),
         ("a.dae", 1, "a.dae: the format is COLLADA or other XML"),
         ("a.txt", 1, "is it a Wavefront OBJ?"),
         ("-d8x6", 1, "standard input: empty; name a scene"),

@@ -535,6 +535,25 @@ fn points_that_are_not_where_they_should_be_are_told_with_their_line() {
         let told = format!("a doubtful value for 1 of 7 points: {told}\n");
         assert!(bare.contains(&told), "{bare}");
     }
+    // Faces that are there for both sides look no way, and vertices have
+    // normals that are nobody's mistake.
+    let other = "f -1 -2 -3 -4\n";
+    for text in [
+        format!("{slab}{other}"),
+        slab.replace("f ", &format!("{other}f ")),
+    ] {
+        place.put("a.obj", text);
+        let said = place.free("a.obj --points p.txt -n16").stderr;
+        assert!(!said.contains("normal points"), "{said}");
+    }
+    // Light comes in through a gap that is too narrow for the rays.
+    let lid = "v -1 -1 1.001\nv 1 -1 1.001\nv 1 1 1.001\nv -1 1 1.001\n";
+    let open = body.replace("f 5 6 7 8\n", "");
+    place.put("b.obj", format!("{open}{lid}f -4 -3 -2 -1\n"));
+    place.put("q.txt", "0 .1 .2 1 0 0\n");
+    let run = place.free("b.obj --points q.txt -r.9 -n4096");
+    let light = values(&run.stdout).1[0][0];
+    assert!(light > 0. && !run.stderr.contains("inside"), "{run:?}");
     let run = place.free("a.obj --points p.txt -n16 --ground=1");
     let none = "1 of 7 points: below the ground, the first in line 6\n";
     assert!(run.stderr.contains(none), "{}", run.stderr);

@@ -107,7 +107,7 @@ pub fn auto_stops(mut surfaces: Vec<f64>) -> f64 {
         return 0.;
     }
     let (_, high, _) = surfaces.select_nth_unstable_by(n, f64::total_cmp);
-    let stops = (10. * libm::log2(0.8 / *high)).round() / 10.;
+    let stops = (10. * libm::log2(0.8 / *high)).round() / 10. + 0.;
     if *high > 0. { stops } else { 0. }
 }
 

@@ -56,7 +56,7 @@ pub fn format(bytes: &[u8]) -> Option<&'static str> {
 pub fn foreign(bytes: &[u8]) -> Option<&'static str> {
     let begins = [
         ("PLY", "ply"),
-        ("STL", "solid "),
+        ("STL", "solid"),
         ("glTF", "glTF"),
         ("glTF or other JSON", "{"),
         ("COLLADA or other XML", "<"),
@@ -68,12 +68,16 @@ pub fn foreign(bytes: &[u8]) -> Option<&'static str> {
         ("VRML", "#VRML"),
         ("OFF", "OFF"),
     ];
-    let begun =
-        |(_, start): &&(_, &str)| bytes.starts_with(start.as_bytes());
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let text = text.trim_ascii_start();
+    let begun = |(_, start): &&(_, &str)| {
+        let head = text.get(..start.len());
+        head.is_some_and(|head| head.eq_ignore_ascii_case(start.as_bytes()))
+    };
     let named = begins.iter().find(begun).map(|(name, _)| *name);
     let count = bytes.get(80..).and_then(|rest| rest.first_chunk());
     let faces = count.map_or(0, |count| u32::from_le_bytes(*count));
-    let is_stl = faces > 0 && bytes.len() == 84 + 50 * faces as usize;
+    let is_stl = faces > 0 && (bytes.len() - 84) / 50 == faces as usize;
     named.or(is_stl.then_some("STL"))
 }
 

@@ -99,7 +99,7 @@ impl Mesh {
             ends.iter().all(|covered| covered[k] > 0.5 * end)
         });
         let is_plain = net[main] > 0.05 * area
-            && beside.clone().all(|k| net[k].abs() < 0.25 * net[main]);
+            && beside.clone().all(|k| net[k].abs() < 0.15 * net[main]);
         (is_plain && !is_walled).then(|| DVec3::AXES[main])
     }
 }

@@ -84,11 +84,12 @@ fn read_kd(
     text: &str,
     first: Entry<'_, String, [f64; 3]>,
 ) -> Result<Option<&'static str>, String> {
+    let other = text.to_ascii_lowercase();
     let numbers = text.split_whitespace().map(str::parse);
     let kd = match numbers.collect::<Result<Vec<f64>, _>>().as_deref() {
         Ok(&[grey]) => [grey; 3],
-        Ok(&[r, g, b]) => [r, g, b],
-        _ if text.starts_with("xyz") || text.starts_with("spectral") => {
+        Ok(&[r, g, b] | &[r, g, b, _]) => [r, g, b],
+        _ if other.starts_with("xyz") || other.starts_with("spectral") => {
             return Ok(Some("coloured (Kd xyz, Kd spectral)"));
         }
         _ => [f64::NAN; 3],

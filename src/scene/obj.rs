@@ -33,7 +33,14 @@ pub fn read_obj(source: &[u8]) -> Result<Mesh, String> {
 /// Those of `read_obj`, to be put behind the name of the file: `:7: ` and
 /// what is wrong in line 7, or `: ` and what is wrong with all of it.
 pub fn read_file(source: &[u8]) -> Result<(Mesh, Vec<String>), String> {
-    read_pieces(source, PIECE)
+    read_pieces(source, PIECE).map_err(|fault| {
+        let text = encoding::text(source, &mut vec![]);
+        let kind = text.ok().and_then(|text| encoding::foreign(&text));
+        kind.map_or(fault, |kind| {
+            let hint = "convert it, for example with Blender";
+            format!(": the format is {kind}, not Wavefront OBJ: {hint}")
+        })
+    })
 }
 
 /// The size of a piece of the text.
@@ -56,12 +63,6 @@ pub fn read_pieces(
     let text = encoding::text(source, &mut warnings)?;
     if text.is_empty() {
         return Err(": the file is empty; an OBJ was expected".to_owned());
-    }
-    if let Some(kind) = encoding::foreign(&text) {
-        return Err(format!(
-            ": the format is {kind}, not Wavefront OBJ: convert it, for \
-             example with Blender"
-        ));
     }
     let text = &join(plain(&text)?);
     let pieces = cut(text, size);

@@ -13,7 +13,7 @@ use crate::film::{Film, WORTH};
 use crate::materials::FaceAlbedos;
 use crate::numerics::{cross, normalise};
 use crate::scene::{Mesh, Scene};
-use crate::sensor::{Point, Receivers};
+use crate::sensor::{Oddity, Point, Receivers};
 
 /// Formats of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +76,8 @@ pub struct Table {
     pub backs: &'static [bool],
     /// The scene, in the coordinates of the file, unless there are points.
     pub mesh: Mesh,
+    /// The name of the file that has the receivers, before a message.
+    pub file: String,
     /// The albedo of each face, if it is radiosity that is asked for.
     pub albedos: Option<FaceAlbedos>,
     /// The level of a value on a screen.
@@ -112,11 +114,17 @@ impl Table {
         ((number / sides) as u32, self.backs[number % sides])
     }
 
-    /// How many of the receivers have no value, or a doubtful one, and why: a
+    /// How many of some receivers have no value, or a doubtful one, and why: a
     /// line for each kind.
-    pub fn odd(&self, receivers: &Receivers) -> Vec<String> {
+    pub fn odd(
+        &self,
+        receivers: &Receivers,
+        is_told: impl Fn(Oddity, u32) -> bool,
+    ) -> Vec<String> {
         let (all, name) = (receivers.asked, self.shape.name());
-        let kinds = receivers.odd.chunk_by(|a, b| a.0 == b.0).map(|kind| {
+        let odd = receivers.odd.iter().filter(|(why, n)| is_told(*why, *n));
+        let odd: Vec<_> = odd.copied().collect();
+        let kinds = odd.chunk_by(|a, b| a.0 == b.0).map(|kind| {
             let ((has_value, why), first) = kind[0];
             let value = if has_value { "a doubtful" } else { "no" };
             let (n, first) = (kind.len(), self.place(first as usize));
