@@ -356,10 +356,13 @@ fn oddity(
 
 /// Whether the normal of a lifted point is into a surface on which it lay.
 fn looks_into(bvh: &Bvh, &Hit { point, normal, .. }: &Hit) -> bool {
-    has_near(bvh, point - normal * LIFT, LIFT, |&[a, b, c]| {
-        let front = cross(b - a, c - a);
-        front.dot(normal) < -0.125 * front.length()
-    })
+    let is_on = |side: f64| {
+        has_near(bvh, point - normal * LIFT, LIFT, |&[a, b, c]| {
+            let front = side * cross(b - a, c - a);
+            front.dot(normal) > 0.125 * front.length()
+        })
+    };
+    is_on(-1.) && !is_on(1.)
 }
 
 /// Whether a point sees surfaces alone, and on the side of the sky their
