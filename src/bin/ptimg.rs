@@ -237,6 +237,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                     "colours are written as .png or .exr".to_owned()
                 );
             }
+            // Read the bands
             let mut told = BTreeSet::new();
             let read = |path: &PathBuf| {
                 Image::read_noting(path, &mut |fault| {
