@@ -543,10 +543,8 @@ fn a_root_in_no_directory_is_a_file_and_told_how_to_be_one() {
 fn the_record_is_found_where_the_files_are() {
     let scratch = project();
     tangle(&scratch, &["--record", "src/.tangled"]);
-    // A record of other files is left alone, also if it has ours.
-    let record = scratch.read("src/.tangled");
-    let more = record + "0000000000000000 scripts/other\n";
-    scratch.write("scripts/.tangled", more);
+    // A record of other files is left alone.
+    scratch.write("scripts/.tangled", "0000000000000000 scripts/other\n");
     scratch.write("scripts/other", "");
     scratch
         .write("chapters/a.nw", CHAPTER.replace("count();", "count(2);"));
@@ -554,6 +552,11 @@ fn the_record_is_found_where_the_files_are() {
     assert!(scratch.read("src/main.rs").contains("count(2);"));
     assert_eq!(scratch.read("scripts/other"), "");
     assert!(!scratch.path().join(".tangled").exists());
+    // So is one that has other files besides ours.
+    let more = "0000000000000000 scripts/other\n";
+    scratch.write("src/.tangled", scratch.read("src/.tangled") + more);
+    assert_eq!(tangle(&scratch, &[]).stderr(), "");
+    assert_eq!(scratch.read("scripts/other"), "");
 }
 
 #[test]
