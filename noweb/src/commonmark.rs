@@ -25,7 +25,7 @@ pub struct Markdown {
 impl Markdown {
     /// Reads the first prose; `defines` knows a definition.
     pub fn new(text: &[u8], defines: fn(&[u8]) -> bool) -> Self {
-        let text = in_utf8(text) + "\n<<>>=\n";
+        let text = in_ascii(text) + "\n<<>>=\n";
         let mut read = Self { text, end: 0, code: Vec::new(), open: None };
         read.read(0, defines);
         read
@@ -34,11 +34,12 @@ impl Markdown {
     /// Reads the prose that begins at a place.
     pub fn read(&mut self, from: usize, defines: fn(&[u8]) -> bool) {
         let (mut start, mut end, mut open) = (from, from, None);
+        let mut inside = from;
         for line in self.text[from..].split_inclusive('\n') {
-            if defines(line.as_bytes()) {
-                open = open_block(&self.text[start..=end]);
-                let Some(block) = open else { break };
-                start += block;
+            if inside <= end && defines(line.as_bytes()) {
+                open = open_block(&self.text[start..], end - start);
+                let Some(block) = &open else { break };
+                (inside, start) = (start + block.end, start + block.start);
             }
             end += line.len();
         }
@@ -54,22 +55,23 @@ impl Markdown {
     }
 }
 
-fn in_utf8(text: &[u8]) -> String {
-    let ascii = |b: &u8| if b.is_ascii() { char::from(*b) } else { 'x' };
-    let text = String::from_utf8(text.to_vec());
-    text.unwrap_or_else(|e| e.as_bytes().iter().map(ascii).collect())
+fn in_ascii(text: &[u8]) -> String {
+    let ascii = |b: &u8| if b.is_ascii() { *b } else { b'x' };
+    let small = |b: &u8| char::from(ascii(b).to_ascii_lowercase());
+    let text: String = text.iter().map(small).collect();
+    text.replace("<![cdata[", "<![CDATA[")
 }
 
-/// Where the block begins in which a text breaks off, if it is shown as it
-/// is.
-fn open_block(text: &str) -> Option<usize> {
+/// What is known of the block at a place, if it is shown as it is.
+fn open_block(text: &str, place: usize) -> Option<Range<usize>> {
+    let text = &text[..text.len().min(2 * place)];
     let mut events = Parser::new(text).into_offset_iter();
     let block = events.find(|(event, range)| match event {
-        _ if range.end < text.len() => false,
+        _ if !range.contains(&place) => false,
         Event::Start(Tag::HtmlBlock) => is_raw(&text[range.start..]),
         event => matches!(event, Event::Start(Tag::CodeBlock(_))),
     });
-    block.map(|(_, range)| range.start)
+    block.map(|(_, range)| range)
 }
 
 fn is_raw(html: &str) -> bool {
@@ -94,9 +96,9 @@ fn quoted_code(text: &str, from: usize) -> Vec<Range<usize>> {
 }
 
 /// What a summary lists, as mdBook reads it.
-pub fn links(summary: &[u8]) -> Vec<OsString> {
+pub fn links(summary: &str) -> Vec<OsString> {
     let (mut links, mut depth, mut is_done) = (Vec::new(), 0, false);
-    for event in Parser::new(&in_utf8(summary)) {
+    for event in Parser::new(summary) {
         (depth, is_done) = match event {
             Event::Start(Tag::Item) => (depth + 1, false),
             Event::Start(Tag::Heading { .. }) => (depth + 1, true),

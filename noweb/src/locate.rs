@@ -27,6 +27,7 @@ pub struct Atlas {
 }
 
 pub struct TangledFile {
+    pub project: usize,
     web: usize,
     tangled: Tangled,
     source: Source,
@@ -38,10 +39,10 @@ impl Atlas {
     /// The programs of those projects that can be tangled.
     pub fn read(projects: &[Project]) -> Self {
         let mut atlas = Self::default();
-        for project in projects {
+        for (project, of) in projects.iter().enumerate() {
             // Errors in chapters are told by the command that tangles.
-            let Ok(program) = project.expand() else { continue };
-            let dir = project.dir.join(".");
+            let Ok(program) = of.expand() else { continue };
+            let dir = of.dir.join(".");
             atlas.dir = fs::canonicalize(&dir).unwrap_or(dir).join("");
             for (path, tangled) in program.files {
                 // Add a file of the program
@@ -50,7 +51,8 @@ impl Atlas {
                 let fresh = disk.is_ok_and(|disk| hash(&disk) == text);
                 let source = Source::new(Vec::new(), tangled.text.clone());
                 let web = atlas.webs.len();
-                let file = TangledFile { web, tangled, source, fresh };
+                let file =
+                    TangledFile { project, web, tangled, source, fresh };
                 atlas.files.insert(path, file);
             }
             atlas.webs.push(program.web);

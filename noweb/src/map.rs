@@ -101,7 +101,8 @@ impl Filter {
         if !file.fresh {
             let path = &text[start..];
             if self.stale.insert(path.to_vec()) {
-                self.warnings.push(stale_file(path));
+                let words = projects[file.project].words();
+                self.warnings.push(stale_file(path, &words));
             }
             return None;
         }
@@ -140,11 +141,12 @@ fn number(text: &[u8], from: usize) -> Option<(u32, usize)> {
     Some((digits.parse().ok()?, end))
 }
 
-fn stale_file(path: &[u8]) -> Diagnostic {
+fn stale_file(path: &[u8], words: &str) -> Diagnostic {
     let path = text_of(path);
     let text = format!("{path} is not what its chapters give");
+    let help = "tangle, or bring an edit home: noweb untangle";
     Diagnostic::new(Level::Warning, None, text)
-        .with_help("tangle, or bring an edit home: noweb untangle MASTER")
+        .with_help(format!("{help}{words}"))
 }
 
 /// Translates what a command writes, and gives its status.

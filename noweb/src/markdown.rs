@@ -57,7 +57,7 @@ pub fn weave(
             )));
         }
         let path = Path::new(OsStr::from_bytes(&chapter.name));
-        faults.extend(conflicts(path, &chapter.text));
+        faults.extend(conflicts(path, &chapter.text, b""));
         let (lexemes, more) = mark_up(chapter, file, 0);
         let is_woven = |(token, _): &_| match token {
             Token::Text(text) => LISTS.contains(&&text[..]),

@@ -10,7 +10,7 @@
 //! only a plan without faults is carried out.
 
 use std::cell::LazyCell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io;
@@ -26,7 +26,7 @@ use crate::diagnostic::{
     error, failure, shown, text_of,
 };
 use crate::filter::quoted;
-use crate::markup::begins_docs;
+use crate::markup::{Token, begins_docs, mark_up};
 use crate::stream::{lines, trimmed_lines};
 use crate::tangle::{Layout, Tangled, tangle};
 use crate::web::{Piece, Web};
@@ -46,12 +46,12 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let text = fs::read(dir.join(master))?;
     let kind = master.extension().unwrap_or_default();
     let (beside, names) = match master.ends_with("SUMMARY.md") {
-        true => ("", links(&text)),
+        true => ("", links(in_mdbook(&text)?)),
         false => ("chapters", includes(&text)),
     };
     let beside = plain(&master.with_file_name(beside));
     let mut chapters = vec![plain(master)];
-    for path in names.iter().map(|name| plain(&beside.join(name))) {
+    for path in names.iter().map(|name| short(&beside.join(name))) {
         // Add a chapter to those before
         if path.extension() == Some(kind) && !chapters.contains(&path) {
             chapters.push(path);
@@ -77,6 +77,21 @@ fn plain(path: &Path) -> PathBuf {
     path.strip_prefix(".").unwrap_or(path).components().collect()
 }
 
+fn short(path: &Path) -> PathBuf {
+    let join = |path: PathBuf, part| match (part, path.file_name()) {
+        (Component::ParentDir, Some(_)) => path.with_file_name(""),
+        _ => path.join(part),
+    };
+    plain(&path.components().fold(PathBuf::new(), join))
+}
+
+fn in_mdbook(text: &[u8]) -> io::Result<&str> {
+    std::str::from_utf8(text).map_err(|e| {
+        let line = lines(&text[..=e.valid_up_to()]).count();
+        io::Error::other(format!("line {line}: mdBook wants UTF-8"))
+    })
+}
+
 /// The names of the files that the prose of a master includes.
 fn includes(text: &[u8]) -> Vec<OsString> {
     let mut is_code = false;
@@ -98,7 +113,7 @@ pub struct Output {
     /// Its path, relative to the directory of the project.
     pub path: PathBuf,
     pub tangled: Tangled,
-    /// It is missing or differs on the disk.
+    /// It is missing or differs on the disk, ends of lines aside.
     pub changed: bool,
 }
 
@@ -130,8 +145,8 @@ pub fn is_file_name(name: &[u8]) -> bool {
         && path.components().all(inside)
 }
 
-/// For every tangled file the hash of its text.
-pub type Record = BTreeMap<PathBuf, u64>;
+/// The tangled files, with the hashes of their texts.
+pub type Record = BTreeSet<(PathBuf, u64)>;
 
 /// A text whose lines have or have not a return at their ends.
 pub fn with_ends(text: &[u8], returns: bool) -> Vec<u8> {
@@ -161,7 +176,7 @@ fn parse_record(text: &[u8]) -> Record {
 }
 
 fn format_record(record: &Record) -> Vec<u8> {
-    let entry = |(path, hash)| format!("{hash:016x} {}\n", shown(path));
+    let entry = |(path, hash): &_| format!("{hash:016x} {}\n", shown(path));
     bytes_of(&record.iter().map(entry).collect::<String>())
 }
 
@@ -176,14 +191,15 @@ impl Project {
         for (path, tangled) in files {
             // Compare a file with its text
             let disk = fs::read(self.dir.join(&path)).unwrap_or_default();
-            let changed = disk != tangled.text;
-            if is_edited(&disk, &tangled.text, record.get(&path)) {
-                let mut marks = conflicts(&path, &disk);
+            let differs = differs(&disk, &tangled.text);
+            if differs && !record.contains(&(path.clone(), hash(&disk))) {
+                let mut marks = conflicts(&path, &disk, &tangled.text);
                 if marks.is_empty() {
                     marks.push(refuse(&path, &disk, &tangled, &web, &args));
                 }
                 faults.extend(marks);
             }
+            let changed = differs || disk.is_empty();
             outputs.push(Output { path, tangled, changed });
         }
         let warnings = web.unused(is_file_name);
@@ -197,7 +213,7 @@ impl Project {
             let name = chapter.as_os_str().as_bytes().to_vec();
             match fs::read(self.dir.join(chapter)) {
                 Ok(text) => {
-                    faults.extend(conflicts(chapter, &text));
+                    faults.extend(conflicts(chapter, &text, b""));
                     sources.push(Source::new(name, text));
                 }
                 Err(e) => faults.extend(failure("read", chapter, e)),
@@ -221,28 +237,33 @@ impl Project {
         let above = files.iter().flat_map(|(path, _)| path.ancestors());
         let mut records = above.map(|above| above.join(&own));
         let has = |record: &Record| {
-            files.iter().any(|(path, _)| record.contains_key(path))
+            let made = |path| files.iter().any(|(file, _)| file == path);
+            !record.is_empty() && record.iter().all(|(path, _)| made(path))
         };
         records.find(|path| has(&self.read_record(path))).unwrap_or(own)
     }
 
     /// What follows the name of a command on this project, for a shell.
-    fn words(&self) -> String {
+    pub fn words(&self) -> String {
         let all = &self.chapters;
         let of = included(&self.dir, &all[0]);
         let count =
             if of.is_ok_and(|of| of == *all) { 1 } else { all.len() };
         let mut words = Vec::new();
-        if !self.dir.as_os_str().is_empty() {
-            words.extend([Path::new("-C"), &self.dir]);
+        let none = Path::new("");
+        if self.dir != none {
+            words.extend(["-C".into(), self.dir.clone()]);
         }
-        if self.record != self.find_record() {
-            words.extend([Path::new("--record"), &self.record]);
+        if self.record != none && self.record != self.find_record() {
+            words.extend(["--record".into(), self.record.clone()]);
         }
-        words.extend(all[..count].iter().map(PathBuf::as_path));
+        words.extend(all[..count].iter().map(|path| {
+            let dash = path.as_os_str().as_bytes().starts_with(b"-");
+            Path::new(if dash { "." } else { "" }).join(path)
+        }));
         let plain =
             |c: char| c.is_ascii_alphanumeric() || "-_./".contains(c);
-        let word = |word: &&Path| match shown(word) {
+        let word = |word: &PathBuf| match shown(word) {
             bare if bare.chars().all(plain) => format!(" {bare}"),
             _ => shown(quoted(word.as_os_str())),
         };
@@ -256,10 +277,11 @@ impl Project {
         record: &Record,
     ) -> Result<Vec<PathBuf>, Faults> {
         let gone = |path: &&PathBuf| files.iter().all(|(p, _)| p != *path);
-        let gone = record.keys().filter(gone).cloned();
-        let (edited, rest): (Vec<_>, _) = gone.partition(|path| {
+        let gone = record.iter().map(|(path, _)| path).filter(gone);
+        let (edited, rest): (Vec<_>, _) = gone.cloned().partition(|path| {
             let disk = fs::read(self.dir.join(path)).unwrap_or_default();
-            is_edited(&disk, b"", record.get(path))
+            let last = (path.clone(), hash(&disk));
+            differs(&disk, b"") && !record.contains(&last)
         });
         checked(rest, edited.iter().map(|path| orphan(path)).collect())
     }
@@ -310,22 +332,48 @@ pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
     checked(Expansion { web, files }, faults)
 }
 
-/// The lines by which git marks a conflict.
-pub fn conflicts(path: &Path, text: &[u8]) -> Faults {
-    let mark = |(line, text): (usize, &[u8])| {
+/// The lines by which git marks conflicts that a text does not mean, nor
+/// one that was made in its place.
+pub fn conflicts(path: &Path, text: &[u8], made: &[u8]) -> Faults {
+    let made: BTreeSet<_> = lines(made).collect();
+    let mut all: Vec<_> = lines(text).collect();
+    // Gather the marks of conflicts
+    let mark = |(line, text): (usize, &&[u8])| {
         let sign = *text.first().filter(|sign| b"<|=>".contains(sign))?;
         let rest = text.strip_prefix(&[sign; 7])?;
         let ends = rest.first().is_none_or(u8::is_ascii_whitespace);
         ends.then_some((line, sign))
     };
-    let marks = lines(text).enumerate().filter_map(mark);
-    let marks: Vec<_> = marks.collect();
-    let is_sure = marks.iter().any(|(_, sign)| b"<>".contains(sign));
-    let fault = |(line, _)| {
-        edit_fault(path, line, "a conflict of git is not resolved here")
+    let marks: Vec<_> = all.iter().enumerate().filter_map(mark).collect();
+    let groups = marks.chunk_by(|_, (_, sign)| *sign != b'<');
+    let groups = groups.filter_map(|marks| {
+        let end = marks.iter().position(|(_, sign)| *sign == b'>')?;
+        let is_whole = matches!(marks[..end], [(_, b'<'), .., (_, b'=')]);
+        let is_new = is_whole && !made.contains(all[marks[0].0]);
+        is_new.then_some(&marks[..=end])
+    });
+    let mut found: Vec<_> = groups.collect();
+    if found.is_empty() {
+        return Vec::new();
+    }
+    // See which conflicts are no samples
+    for marks in &found {
+        all[marks[0].0] = b"<<<<>>=";
+        all[marks[0].0 + 1] = b"@";
+    }
+    let name = path.as_os_str().as_bytes().to_vec();
+    let source = Source::new(name, all.join(&b'\n'));
+    let (lexemes, _) = mark_up(&source, 0, 0);
+    let chunk = Token::Defn(b"<<".to_vec());
+    let chunks = lexemes.iter().filter(|(token, _)| *token == chunk);
+    let real: BTreeSet<_> =
+        chunks.map(|(_, place)| place.line as usize - 1).collect();
+    let fault = |(line, _): &_| {
+        edit_fault(path, *line, "a conflict of git is not resolved here")
             .with_help("keep what holds, and remove the line")
     };
-    marks.into_iter().filter(|_| is_sure).map(fault).collect()
+    found.retain(|marks| real.contains(&marks[0].0));
+    found.into_iter().flatten().map(fault).collect()
 }
 
 /// A fault of a line of a file, counted from 0.
@@ -342,15 +390,13 @@ fn orphan(path: &Path) -> Diagnostic {
     Diagnostic::new(Level::Error, None, text).with_help(help)
 }
 
-/// Does a file hold an edit? Not if it is the text, or has the hash of
-/// what was tangled last.
-pub fn is_edited(disk: &[u8], text: &[u8], last: Option<&u64>) -> bool {
+/// Is a file another text, ends of lines aside? None without a byte is.
+pub fn differs(disk: &[u8], text: &[u8]) -> bool {
     let bare = |text: &[u8]| {
         let text = text.strip_suffix(b"\n").unwrap_or(text);
         with_ends(text, false)
     };
-    let known = disk.is_empty() || bare(disk) == bare(text);
-    !known && last != Some(&hash(disk))
+    !disk.is_empty() && bare(disk) != bare(text)
 }
 
 fn refuse(
@@ -404,7 +450,8 @@ impl Project {
         for output in &plan.outputs {
             self.write_output(output)?;
             let hash = hash(&output.tangled.text);
-            plan.record.insert(output.path.clone(), hash);
+            plan.record.retain(|(path, _)| *path != output.path);
+            plan.record.insert((output.path.clone(), hash));
         }
         for path in &plan.removed {
             // Remove a file that no chunk defines
@@ -412,18 +459,18 @@ impl Project {
                 Err(e) if e.kind() != io::ErrorKind::NotFound => {
                     return Err(failure("remove", path, e));
                 }
-                _ => plan.record.remove(path),
+                _ => plan.record.retain(|(other, _)| other != path),
             };
         }
         Ok(())
     }
 
     fn write_output(&self, output: &Output) -> Result<(), Faults> {
-        if !output.changed {
-            return Ok(());
-        }
         let path = self.dir.join(&output.path);
         let text = &output.tangled.text;
+        if fs::read(&path).is_ok_and(|old| old == *text) {
+            return Ok(());
+        }
         let time = self.newest(&output.tangled);
         let parent = path.parent().unwrap_or(&self.dir);
         fs::create_dir_all(parent)

@@ -22,12 +22,13 @@ use similar::{Algorithm, DiffTag, capture_diff_slices};
 use crate::Streams;
 use crate::cpif::replace;
 use crate::diagnostic::{
-    Diagnostic, Faults, Place, Source, bytes_of, checked, failure, text_of,
+    Diagnostic, Faults, Place, Source, bytes_of, checked, error, failure,
+    shown, text_of,
 };
 use crate::markup::begins_docs;
 use crate::project::{
-    Expansion, Project, conflicts, edit_fault, expand_sources, hash,
-    is_edited, parse, with_ends,
+    Expansion, Project, conflicts, differs, edit_fault, expand_sources,
+    hash, parse, with_ends,
 };
 use crate::tangle::{Layout, Segment, Tangled, tangle};
 use crate::web::Web;
@@ -44,7 +45,8 @@ fn hunks<T: Hash + Eq + Ord>(old: &[T], new: &[T]) -> Vec<Hunk> {
 
 fn lines_of(text: &[u8]) -> Vec<&[u8]> {
     let text = text.strip_suffix(b"\n").unwrap_or(text);
-    text.split(|b| *b == b'\n').collect()
+    let lines = text.split(|b| *b == b'\n');
+    lines.map(|line| line.strip_suffix(b"\r").unwrap_or(line)).collect()
 }
 
 /// The words of a line: identifiers and numbers, and single other bytes.
@@ -71,13 +73,13 @@ impl Project {
         let (mut edited, mut faults) = (Edited::new(), Vec::new());
         for (path, tangled) in &now.files {
             let text = fs::read(self.dir.join(path)).unwrap_or_default();
-            let last = record.get(path);
-            if !is_edited(&text, &tangled.text, last) {
+            let is_ours = record.contains(&(path.clone(), hash(&text)));
+            if is_ours || !differs(&text, &tangled.text) {
                 continue;
             }
             let text = with_ends(&text, tangled.text.ends_with(b"\r\n"));
-            faults.extend(conflicts(path, &text));
-            if last != Some(&hash(&tangled.text)) {
+            faults.extend(conflicts(path, &text, &tangled.text));
+            if !record.contains(&(path.clone(), hash(&tangled.text))) {
                 faults.push(changed_twice(path, &tangled.text, &text));
             }
             edited.insert(path.clone(), text);
@@ -137,6 +139,7 @@ impl<'a> Carrier<'a> {
 
     fn source(&self, place: Place) -> &'a [u8] {
         let line = self.sources[place.file as usize].line(place.line);
+        let line = line.map(|l| l.strip_suffix(b"\r").unwrap_or(l));
         line.and_then(|l| l.get(place.column as usize - 1..)).unwrap_or(b"")
     }
 
@@ -144,7 +147,7 @@ impl<'a> Carrier<'a> {
     fn head(&self, line: usize) -> Option<Spot> {
         let first = self.segments(line).first()?;
         let begin = Place { column: 1, ..first.place };
-        let escaped = self.source(begin).starts_with(b"@");
+        let escaped = matches!(self.source(begin), b"" | [b'@', ..]);
         let column = first.place.column;
         (column == 1 || column == 2 && escaped).then(|| Spot::new(first))
     }
@@ -182,13 +185,14 @@ impl<'a> Carrier<'a> {
         let start = source.start(spot.line)?;
         let end = source.start(spot.below(count).line);
         let mut text = Vec::new();
+        let returns = source.line(1).is_some_and(|l| l.ends_with(b"\r"));
         for line in &self.new[new.clone()] {
             let (blank, bare) = line.split_at(spot.indent.min(line.len()));
             if !blank.trim_ascii().is_empty() {
                 return None;
             }
             text.extend(quote(bare));
-            text.push(b'\n');
+            text.extend(if returns { &b"\r\n"[..] } else { b"\n" });
         }
         let range = start..end.unwrap_or(source.text.len());
         Some(Splice { file: spot.file, range, text })
@@ -416,6 +420,13 @@ impl Project {
         let old = self.expand()?;
         let record = self.read_record(&self.record);
         self.removals(&old.files, &record)?;
+        // Look whether the files are here
+        let here = |(path, _): &(PathBuf, _)| self.dir.join(path).exists();
+        if !old.files.is_empty() && !old.files.iter().any(here) {
+            let first = shown(&old.files[0].0);
+            let text = "no file of the program is here, as";
+            return Err(error(format!("{text} {first}")));
+        }
         let edited = self.edited(&old)?;
         let splices = carry_all(&old, &edited)?;
         let sources = apply(&old.web.sources, splices);

@@ -150,7 +150,8 @@ impl Web {
                 let file = [b"./", &chunk.name[..]].concat();
                 let named =
                     format!("if it is a file, call it {}", text_of(&file));
-                let help = if is_root(&file) { &named } else { NO_FILE };
+                let is_file = is_root(&file) && chunk.name[0] != b'/';
+                let help = if is_file { &named } else { NO_FILE };
                 faults.push(self.warn(chunk, text).with_help(help));
             } else if used(chunk) && !marked[index] {
                 // Report the chunk if it marks itself

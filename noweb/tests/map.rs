@@ -399,6 +399,10 @@ fn positions_in_a_stale_file_stay_and_it_is_said_once() {
     let text = "src/main.rs is not what its chapters give";
     assert_eq!(filter.warnings.len(), 1);
     assert_eq!(filter.warnings[0].text, text);
+    let help = &filter.warnings[0].help[0];
+    let dir = scratch.path().display();
+    let words = format!("untangle -C {dir} chapters/a.nw");
+    assert!(help.ends_with(&words), "{help}");
 }
 
 #[test]

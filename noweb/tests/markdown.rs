@@ -9,6 +9,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use noweb::diagnostic::Source;
 use noweb::markdown::{Form, weave};
@@ -74,7 +75,9 @@ fn what_commonmark_shows_as_it_is_holds_no_chunk_and_hides_none() {
     }
     for text in [
         "<!--\nCHUNK\n\nCHUNK\n-->",
-        "<Pre>\n\nCHUNK\n</pre>",
+        "<Pre>\n\nCHUNK\n</PRE>",
+        "<![CDATA[\nCHUNK\n]]>",
+        "~~~\né\nCHUNK\n\nCHUNK\nCHUNK\n~~~\n\n~~~\nCHUNK\n~~~",
         "- a\n\n<script>\nCHUNK\n</script>",
         "<?a\nCHUNK\n?>",
         "> a\n```\nCHUNK\n- ```\n ```",
@@ -90,6 +93,14 @@ fn what_commonmark_shows_as_it_is_holds_no_chunk_and_hides_none() {
             "{told}"
         );
     }
+}
+
+#[test]
+fn many_definitions_in_a_fence_take_no_quadratic_time() {
+    let text = "<<a>>=\nb\n".repeat(20_000);
+    let start = Instant::now();
+    assert_eq!(names_with(&format!("~~~\n{text}~~~")), ["z.c"]);
+    assert!(start.elapsed() < Duration::from_secs(5));
 }
 
 #[test]
@@ -240,7 +251,7 @@ fn a_summary_is_read_as_mdbook_reads_it() {
     let right = ["a", "b c", "d/e f", "g", "h", "j&"];
     let right = right.map(|name| format!("{name}.md"));
     assert_eq!((&*found[0], &found[1..]), ("SUMMARY.md", &right[..]));
-    let once = chapters("- [](a.md)\n- [](./a.md)\n- [](SUMMARY.md)\n");
+    let once = chapters("- [](a.md)\n- [](./b/../a.md)\n- [](SUMMARY.md)");
     assert_eq!(once.unwrap(), ["SUMMARY.md", "a.md"]);
     fs::write(place.path().join("lost.md"), "").unwrap();
     let lost = chapters("<!-- [](lost.md) -->\n[](http://a.b)\n");
@@ -248,6 +259,9 @@ fn a_summary_is_read_as_mdbook_reads_it() {
     assert!(lost.contains("SUMMARY.md does not include lost.md"), "{lost}");
     chapters("[](lost.md)").unwrap();
     assert!(included(place.path(), "./SUMMARY.md".as_ref()).is_ok());
+    fs::write(place.path().join("SUMMARY.md"), b"a\n\xe9\n").unwrap();
+    let other = included(place.path(), "SUMMARY.md".as_ref()).unwrap_err();
+    assert_eq!(other.to_string(), "line 2: mdBook wants UTF-8");
 }
 
 #[test]

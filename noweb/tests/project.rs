@@ -175,6 +175,15 @@ fn an_edit_by_hand_is_refused_with_its_chapter_line() {
 }
 
 #[test]
+fn a_chapter_that_begins_like_an_option_is_hinted_at_as_a_file() {
+    let scratch = Scratch::new();
+    scratch.write("-a.nw", "<<a.txt>>=\na\n");
+    scratch.write("a.txt", "b\n");
+    let told = run(scratch.path(), &["tangle", "./-a.nw"]).stderr();
+    assert!(told.contains("noweb untangle ./-a.nw\n"), "{told}");
+}
+
+#[test]
 fn an_edit_that_was_moved_to_the_chapter_is_accepted() {
     let scratch = project();
     tangle(&scratch, &[]);
@@ -382,7 +391,7 @@ fn the_command_that_is_mapped_keeps_its_options() {
 #[test]
 fn other_ends_of_lines_are_no_edit() {
     let dos = |text: &str| text.replace('\n', "\r\n");
-    let plain = CHAPTER.replace("count();", "count(2);");
+    let plain = CHAPTER.replace("count();", "count(2);\n\nend();");
     for (chapter, file) in [(false, true), (true, false), (true, true)] {
         let scratch = project();
         let given = |text: &str, is_dos| {
@@ -398,17 +407,22 @@ fn other_ends_of_lines_are_no_edit() {
         let untangle = ["untangle", "chapters/a.nw"];
         let none = run(scratch.path(), &untangle);
         assert_eq!((none.status, none.stdout()), (0, String::new()));
+        assert_eq!(tangle(&scratch, &["--check"]).stderr(), "");
         let map =
             ["map", "chapters/a.nw", "--", "echo", "src/main.rs:8:5:"];
         let told = run(scratch.path(), &map).stdout();
         assert_eq!(told, "chapters/a.nw:16:1:\n");
         // An edit is one, and comes home with the ends of the chapter.
-        let edit = MAIN.replace("count();", "count(2);");
+        let edit = MAIN.replace("count();", "count(2);\n\n    end();");
         scratch.write("src/main.rs", given(&edit, file));
         let told = tangle(&scratch, &[]).stderr();
         assert!(told.starts_with("src/main.rs:8:11: error"), "{told}");
         assert_eq!(run(scratch.path(), &untangle).status, 0);
         assert_eq!(scratch.read("chapters/a.nw"), given(&plain, chapter));
+        // Empty lines go as they have come.
+        scratch.write("src/main.rs", given(MAIN, file));
+        assert_eq!(run(scratch.path(), &untangle).stderr(), "");
+        assert_eq!(scratch.read("chapters/a.nw"), given(CHAPTER, chapter));
         // A file that was tangled is replaced, whatever its ends.
         scratch.write("chapters/a.nw", given(CHAPTER, !chapter));
         assert_eq!(tangle(&scratch, &[]).stderr(), "");
@@ -435,26 +449,47 @@ fn marks_of_a_conflict_are_refused_with_their_lines() {
     assert_eq!(run(scratch.path(), &untangle).stderr(), told);
     assert_eq!(scratch.read("src/main.rs"), text);
     scratch.write("src/main.rs", MAIN);
-    for mark in ["<<<<<<<", "<<<<<<< a", ">>>>>>> b\r", ">>>>>>>"] {
-        scratch
-            .write("chapters/a.nw", format!("{CHAPTER}{mark}\n=======\n"));
-        let told = tangle(&scratch, &[]).stderr();
-        assert_eq!(told, marks("chapters/a.nw", &[30, 31]), "{mark}");
-    }
-    scratch.write("SUMMARY.md", "[](a.md)\n>>>>>>> b\n[](a.md)\n");
-    scratch.write("a.md", "<!--\n>>>>>>> b\n-->\n");
-    let both = marks("SUMMARY.md", &[2]) + &marks("a.md", &[2]);
+    let conflict = "<<<<<<< a\n=======\r\n>>>>>>>\n";
+    scratch.write("chapters/a.nw", format!("{CHAPTER}{conflict}"));
+    let told = tangle(&scratch, &[]).stderr();
+    assert_eq!(told, marks("chapters/a.nw", &[30, 31, 32]));
+    let quoted = format!("~~~\n{conflict}~~~\n<!--\n{conflict}-->\n");
+    scratch.write("SUMMARY.md", format!("{conflict}\n[](a.md)\n"));
+    scratch.write("a.md", format!("{quoted}<<a>>=\n```\n{conflict}"));
+    let ours = marks("a.md", &[13, 14, 15]);
+    let both = marks("SUMMARY.md", &[1, 2, 3]) + &ours;
     let told = run(scratch.path(), &["tangle", "SUMMARY.md"]).stderr();
     assert_eq!(told, both);
     let woven = run(scratch.path(), &["noweave", "-md", "a.md"]);
-    assert_eq!((woven.status, woven.stderr()), (1, marks("a.md", &[2])));
-    let none = "Title\n=======\n|||||||\n >>>>>>> a\n<<<<<<<<\n>>>>>>>a\n";
-    scratch.write("a.md", format!("{none}\n<<a.txt>>=\n@<<<<<<< b\n@\n"));
+    assert_eq!((woven.status, woven.stderr()), (1, ours));
+    // What is no conflict, nor a file that its chapters give the marks.
+    let none = "|||||||\n>>>>>>> x\n=======\n<<<<<<< a\n>>>>>>>\n";
+    let file = format!("<<a.txt>>=\n@{conflict}@\n");
+    scratch.write("a.md", format!("{quoted}{none}\n{file}"));
     let outcome = run(scratch.path(), &["tangle", "a.md"]);
-    assert_eq!(
-        (outcome.stderr(), scratch.read("a.txt").len()),
-        ("".into(), 10)
-    );
+    assert_eq!((outcome.status, outcome.stderr()), (0, "".into()));
+    scratch.write("a.txt", scratch.read("a.txt") + "b\n");
+    let outcome = run(scratch.path(), &["tangle", "a.md"]);
+    let said = "this file was edited by hand";
+    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+}
+
+#[test]
+fn a_record_with_a_conflict_knows_both_sides_and_heals() {
+    for is_ours_first in [true, false] {
+        let scratch = project();
+        tangle(&scratch, &[]);
+        let ours = scratch.read(".tangled");
+        let theirs = ours.replace(|c: char| c.is_ascii_digit(), "a");
+        let (one, two) =
+            if is_ours_first { (&ours, &theirs) } else { (&theirs, &ours) };
+        let both = format!("<<<<<<< a\n{one}=======\n{two}>>>>>>> b\n");
+        scratch.write(".tangled", both);
+        scratch.write("chapters/a.nw", CHAPTER.replace("42", "43"));
+        assert_eq!(tangle(&scratch, &[]).stderr(), "");
+        let healed = scratch.read(".tangled");
+        assert_eq!(healed.lines().count(), ours.lines().count());
+    }
 }
 
 #[test]
@@ -462,7 +497,7 @@ fn a_root_in_no_directory_is_a_file_and_told_how_to_be_one() {
     let scratch = Scratch::new();
     scratch.write(
         "a.nw",
-        "<<./Makefile>>=\na:\n\tb\n<<../a>>=\n<<GNUmakefile>>=\n",
+        "<<./Makefile>>=\na:\n\tb\n<<../a>>=\n<</etc/a>>=\n<<GNUmakefile>>=\n",
     );
     let outcome = run(scratch.path(), &["tangle", "a.nw"]);
     assert_eq!(outcome.status, 0);
@@ -474,9 +509,10 @@ fn a_root_in_no_directory_is_a_file_and_told_how_to_be_one() {
     };
     let inside = "a file is named like src/main.rs, without spaces and \
                   inside the project";
+    let inside = told("../a", 4, inside) + &told("/etc/a", 5, inside);
     let own =
-        told("GNUmakefile", 5, "if it is a file, call it ./GNUmakefile");
-    assert_eq!(outcome.stderr(), told("../a", 4, inside) + &own);
+        told("GNUmakefile", 6, "if it is a file, call it ./GNUmakefile");
+    assert_eq!(outcome.stderr(), inside + &own);
     assert_eq!(scratch.read("Makefile"), "a:\n\tb\n");
     let map = ["map", "a.nw", "--", "echo", "Makefile:2: ***"];
     assert_eq!(run(scratch.path(), &map).stdout(), "a.nw:3: ***\n");
@@ -502,6 +538,11 @@ fn the_record_is_found_where_the_files_are() {
     assert!(scratch.read("src/main.rs").contains("count(2);"));
     assert_eq!(scratch.read("scripts/other"), "");
     assert!(!scratch.path().join(".tangled").exists());
+    // So is one that has other files besides ours.
+    let more = "0000000000000000 scripts/other\n";
+    scratch.write("src/.tangled", scratch.read("src/.tangled") + more);
+    assert_eq!(tangle(&scratch, &[]).stderr(), "");
+    assert_eq!(scratch.read("scripts/other"), "");
 }
 
 #[test]

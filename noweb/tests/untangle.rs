@@ -522,6 +522,15 @@ fn a_deleted_file_is_no_edit() {
 }
 
 #[test]
+fn files_that_are_elsewhere_are_missed() {
+    let scratch = project(CHAPTER);
+    fs::create_dir(scratch.path().join("b")).expect("a directory");
+    let outcome = run(&scratch.path().join("b"), &["untangle", "../a.nw"]);
+    let said = "error: no file of the program is here, as src/main.rs\n";
+    assert_eq!((outcome.status, outcome.stderr()), (1, said.into()));
+}
+
+#[test]
 fn a_file_without_a_byte_is_no_edit_and_is_tangled_anew() {
     let scratch = project(CHAPTER);
     let other = scratch.read("src/other.rs");
