@@ -20,6 +20,7 @@ fn run_key(case: usize) -> RunKey {
         "resolution": [150, 70], "crop": WINDOWS[case % 4],
         "position": [0., 0., 0.], "target": [0., 1., 0.],
         "up": [0., 0., 1.], "fov": 70., "albedo": 1., "seed": 0,
+        "sky": {"zenith": [0., 0., 1.], "cover": "uniform"},
         "method": method, "replicate": replicate, "training": 0,
         "sky_control": 0, "filtered": case % 3 == 2,
     });
