@@ -1072,7 +1072,8 @@ fn render(
         progress::error(&message);
         return Ok(stop);
     }
-    if let Some((table, all)) = output.table {
+    let learns = output.known.run_key.only_learns();
+    if let Some((table, all)) = output.table.filter(|_| !learns) {
         // Warn of receivers without light
         let first = film.window.corner.1 as usize;
         let means = all.numbers[first..].iter().zip(film.means());
@@ -1088,7 +1089,7 @@ fn render(
         warn_all(&table.file, table.odd(all, is_told));
     }
     output.write(&convergence, &film, None)?;
-    if output.known.run_key.only_learns() {
+    if learns {
         let Convergence { rays, seconds, .. } = convergence;
         progress::inform(&format!("learnt    {rays} rays, {seconds:.3} s"));
         return Ok(stop);

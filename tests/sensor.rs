@@ -52,7 +52,7 @@ fn list(normals: &[DVec3]) -> String {
 // The mean of a product of cosines over a lune, by sums over a sphere.
 #[test]
 fn a_surface_gets_the_integral_of_the_sky() {
-    for cover in [Cover::Uniform, Cover::Overcast] {
+    for cover in [Cover::Uniform, Cover::Overcast, Cover::Sphere] {
         let sky = Sky::with(DVec3::new(1., 2., 2.), cover);
         assert!((sky.share(sky.zenith) - 1.).abs() < 1e-12);
         for normal in normals() {
@@ -415,6 +415,10 @@ fn a_camera_is_no_part_of_a_run_of_receivers() {
         assert_eq!(settings[name], Value::Null, "{name}");
     }
     assert_eq!(settings["count"], 2);
+    // A run that only learns has no sample, and says nothing of light.
+    let learns = points.replace("sobol", "gather") + " --samples 0..0";
+    let run_of = place.free(&format!("{learns} -o l.litpt"));
+    assert!(!run_of.succeeded().stderr.contains("no light"));
     // The words of a camera change no sample, and so no run.
     run("--resume a.litpt -F 50 -d 7x5 -n 128 -o a.csv -f");
     let parts = ["-F 50 --samples 0..64", "-d 7x5 --samples 64..128"];
