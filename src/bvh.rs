@@ -41,7 +41,9 @@ use traverser::Traverser;
 use triangle::Leaf;
 
 /// Sets of instructions with which a hierarchy can be traversed.
-#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(
+    ValueEnum, Clone, Copy, Debug, PartialEq, Serialize, Deserialize,
+)]
 pub enum Isa {
     /// Sixteen boxes at a time.
     Avx512,

@@ -140,7 +140,9 @@ pub fn direction(v: DVec3) -> String {
 const FARTHEST: f64 = power_of_two(200);
 
 /// A side from which a scene can be seen.
-#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(
+    ValueEnum, Clone, Copy, Debug, PartialEq, Serialize, Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Viewpoint {
     /// Where y is negative, if z points up; where z is positive, if y does.

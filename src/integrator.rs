@@ -113,6 +113,14 @@ pub trait Together: Sync {
     fn put<'a>(&self, own: &'a [u8], _watch: &Watch) -> Cow<'a, [u8]> {
         own.into()
     }
+
+    /// What the first process has, for all. All call it alike.
+    ///
+    /// # Errors
+    /// The first process has ended.
+    fn broadcast(&self, own: Vec<u8>) -> Result<Vec<u8>, String> {
+        Ok(own)
+    }
 }
 
 /// One process.

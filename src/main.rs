@@ -6,9 +6,9 @@
 
 use std::process::ExitCode;
 
+use litpt::cli::run::main_with;
 use litpt::integrator::Alone;
-use litpt::session::lead;
 
 fn main() -> ExitCode {
-    lead(&Alone)
+    main_with(&Alone)
 }

@@ -14,15 +14,16 @@ mod result;
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::image::{Image, extension};
 use crate::output::descriptor;
 use crate::render_loop::CurvePoint;
-pub use result::{Report, SceneFile, as_typed, slope};
+pub use result::{Report, SceneFile, Settings, as_typed, metric, slope};
 
 /// How a report becomes text.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
     /// Everything but the image, for programs.
     Json,

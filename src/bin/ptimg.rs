@@ -13,6 +13,9 @@ use std::sync::Arc;
 use clap::{Args, Parser, Subcommand};
 use serde_json::{Value, json};
 
+use litpt::cli::options::{LICENCE, parse_words};
+use litpt::cli::progress;
+use litpt::cli::run::fail;
 use litpt::compare::display::{
     self, AUTO_EXPOSURE, Curve, Exposure, auto_stops, seeming_surfaces,
 };
@@ -21,12 +24,10 @@ use litpt::compare::{
 };
 use litpt::film::SIDE;
 use litpt::image::{BANDS, Format, Image, OPACITY, luminance};
-use litpt::options::{LICENCE, parse_words};
 use litpt::output::{OutputTarget, descriptor, format_of, tell_apart};
-use litpt::progress;
+use litpt::plan::{Outputs, Product};
 use litpt::report::Kind;
-use litpt::run_output::{Product, RunOutput};
-use litpt::session::fail;
+use litpt::run_output::RunOutput;
 use litpt::state::shards::{self, is_state_name};
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
@@ -366,8 +367,12 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                 ));
             }
             let convergence = merged.known.report.convergence.clone();
-            let mut output =
-                RunOutput::new(targets, (60., false), merged.known, None);
+            let mut output = RunOutput::new(
+                targets,
+                &Outputs::default(),
+                merged.known,
+                None,
+            );
             output.write(&convergence, &merged.film, None)?;
         }
         Verb::Stderr { input, to, relative } => {
@@ -388,7 +393,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Diff { a, b, to, quiet } => {
             // Answer with the status of a test
             if *quiet {
-                progress::hush();
+                progress::set_quiet(true);
             } else if to.is_standard() {
                 return Err("a map on standard output needs -q".to_owned());
             }

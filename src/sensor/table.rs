@@ -7,6 +7,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::camera::typed;
 use crate::film::{Film, WORTH};
@@ -16,7 +17,7 @@ use crate::scene::{Mesh, Scene};
 use crate::sensor::{Oddity, Point, Receivers};
 
 /// Formats of tables.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TableFormat {
     /// Comma-separated values.
     Csv,
@@ -85,7 +86,7 @@ pub struct Table {
 }
 
 /// A value and its standard error, and the number of samples.
-type Value = ([f32; 2], f64);
+pub type Value = ([f32; 2], f64);
 
 /// A text as CSV has it.
 fn cell(text: &str) -> String {
@@ -155,7 +156,22 @@ impl Table {
         allocation: Option<&[u32]>,
         out: &mut dyn Write,
     ) -> io::Result<()> {
-        // Find the value of each receiver
+        let values = self.values(receivers, film, allocation);
+        match format {
+            TableFormat::Csv => self.csv(&values, out),
+            TableFormat::Ply => self.ply(&values, out),
+            TableFormat::Obj => self.obj(&values, out),
+        }
+    }
+
+    /// The value of each receiver that was asked for, its standard error, and
+    /// the number of its samples; NaN where there is none.
+    pub fn values(
+        &self,
+        receivers: &Receivers,
+        film: &Film,
+        allocation: Option<&[u32]>,
+    ) -> Vec<Value> {
         let mut values = vec![([f32::NAN; 2], 0.); receivers.asked];
         let window = film.window;
         let numbers = &receivers.numbers[window.corner.1 as usize..];
@@ -168,11 +184,7 @@ impl Table {
             let found = [mean, error].map(|x| (part * x) as f32);
             values[number as usize] = (found, count);
         }
-        match format {
-            TableFormat::Csv => self.csv(&values, out),
-            TableFormat::Ply => self.ply(&values, out),
-            TableFormat::Obj => self.obj(&values, out),
-        }
+        values
     }
 
     fn csv(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {

@@ -10,27 +10,27 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::film::Film;
 use crate::integrator::gather::Learnt;
+use crate::key::RunKey;
+use crate::plan::Plan;
 use crate::render_loop::Convergence;
 use crate::report::Report;
 use crate::scene::encoding::shortened;
-use crate::state::key::RunKey;
 use crate::state::learnt;
 
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 8\n";
+const MAGIC: &[u8] = b"litpt checkpoint 9\n";
 
 /// What is known of a run beside its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Known {
     /// What decides the samples.
     pub run_key: RunKey,
-    /// The options of the program.
-    pub options: Value,
+    /// What the run does; its files have full names.
+    pub plan: Plan,
     /// What is reported of it, with its convergence so far.
     pub report: Report,
     /// What was learnt, which is not in that line.
@@ -130,6 +130,8 @@ fn unreadable(error: io::Error) -> String {
 
 /// A checkpoint that is whole.
 pub struct Checkpoint<R = BufReader<File>> {
+    /// What it is called, for people.
+    pub name: String,
     /// What was known of its run.
     pub known: Known,
     /// The file from the first sum on, if it has any.
@@ -150,7 +152,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         known.learnt = learnt::read(&mut file, &known.run_key)
             .map_err(|e| format!("what was learnt is damaged: {e}"))?;
         let sums = (!known.run_key.only_learns()).then_some(file);
-        Ok(Self { known, sums })
+        Ok(Self { name: String::new(), known, sums })
     }
 
     /// Fills the `film`, and returns the convergence so far.
@@ -163,8 +165,10 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         run_key: &RunKey,
         film: &mut Film,
     ) -> Result<Convergence, String> {
-        self.known.belongs_to(run_key)?;
-        self.fill(film)?;
+        let name = self.name.clone();
+        let named = |fault| format!("{name}: {fault}");
+        self.known.belongs_to(run_key).map_err(named)?;
+        self.fill(film).map_err(named)?;
         Ok(self.known.report.convergence)
     }
 
@@ -184,9 +188,13 @@ impl Checkpoint {
     /// # Errors
     /// Those of [`Checkpoint::open`], or the file cannot be read.
     pub fn of_file(path: &Path) -> Result<Self, String> {
-        File::open(path)
+        let name = path.display().to_string();
+        let opened = File::open(path)
             .map_err(unreadable)
-            .and_then(|file| Self::open(BufReader::new(file)))
-            .map_err(|fault| format!("{}: {fault}", path.display()))
+            .and_then(|file| Self::open(BufReader::new(file)));
+        match opened {
+            Ok(state) => Ok(Self { name, ..state }),
+            Err(fault) => Err(format!("{name}: {fault}")),
+        }
     }
 }

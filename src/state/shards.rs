@@ -7,14 +7,11 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
 use crate::film::{Film, Window};
 use crate::image::extension;
+use crate::key::Part;
 use crate::render_loop::{Convergence, Limits, Stop};
-use crate::report::Report;
 use crate::state::checkpoint::{Checkpoint, Known};
-use crate::state::key::Part;
 
 /// Whether a file of this name is to hold the state of a run.
 pub fn is_state_name(path: &Path) -> bool {
@@ -128,19 +125,14 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     let missing = missing(film.window, of, &held);
     // Describe the whole run
     total.stopped = missing.is_none().then_some(Stop::Samples);
-    let Report { settings, .. } = &mut known.report;
-    settings.remove("part");
-    settings.insert("spp".into(), of.into());
-    settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
+    let settings = &mut known.report.settings;
+    (settings.part, settings.spp) = (None, Some(of));
+    settings.missing.clone_from(&missing);
     known.report.convergence = total;
     known.report.sign("ptimg");
     known.run_key.filtered = !film.halves.is_empty();
-    for name in ["range", "tiles", "checkpoint"] {
-        known.options[name] = Value::Null;
-    }
-    for name in ["output", "report"] {
-        known.options[name] = Value::Array(vec![]);
-    }
+    known.plan.part = None;
+    known.plan.outputs.files.clear();
     merged.missing = missing;
     Ok(merged)
 }

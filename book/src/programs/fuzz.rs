@@ -294,11 +294,8 @@ impl Case {
                 .map_err(|error| error.to_string())?;
         let analysis =
             SceneAnalysis::find(&left_out, &intersector, &view, &[]);
-        let setup = Setup {
-            intersector: &intersector,
-            view: &view,
-            analysis: &analysis,
-        };
+        let setup =
+            Setup { intersector: &intersector, view, analysis: &analysis };
         let sampling = Sampling::new(
             Method::Reference,
             0,
