@@ -112,7 +112,7 @@ pub struct FilmTile<'a> {
     /// Its mean, if the film has one.
     pub mean: Option<&'a mut Accumulator>,
     /// The halves of its pixels, or nothing if the film has none.
-    pub halves: &'a mut [Halves],
+    pub halves: &'a mut [HalfBuffers],
 }
 
 /// An image in the making, or a part of it: one accumulator per pixel.
@@ -125,12 +125,12 @@ pub struct Film {
     /// The pixels that it holds.
     pub window: Window,
     /// The window of its run.
-    pub whole: Window,
+    pub run_window: Window,
     /// The samples of each pixel that come before its own.
-    pub first: u64,
+    pub sample_offset: u64,
     /// The samples of a replicate, which were placed together and whose mean is
     /// one value of an accumulator; on average over the pixels.
-    pub replicate: u64,
+    pub net_size: u64,
     tiles: Vec<Tile>,
     /// The place of each tile in `tiles`, by row and column.
     places: Vec<u32>,
@@ -141,7 +141,7 @@ pub struct Film {
     pub tile_means: Vec<Accumulator>,
     /// The halves of the pixels, in the same order; none unless a picture is
     /// to be filtered.
-    pub halves: Vec<Halves>,
+    pub halves: Vec<HalfBuffers>,
 }
 
 /// Watches the work on a film: called, from any thread, with what is done,
@@ -152,10 +152,10 @@ pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
 /// The values of a pixel in two halves, those of even and of odd numbers: of
 /// each the sums of what was gathered and of its corrections, in units of
 /// 2^-32, and the number of values.
-pub type Halves = [[i64; 3]; 2];
+pub type HalfBuffers = [[i64; 3]; 2];
 
 /// Adds the value of this number: what was gathered, and its correction.
-pub fn add_value(halves: &mut Halves, number: u64, parts: [f64; 2]) {
+pub fn add_value(halves: &mut HalfBuffers, number: u64, parts: [f64; 2]) {
     let [gathered, corrected] = parts.map(|part| (part * UNIT) as i64);
     let half = &mut halves[(number % 2) as usize];
     for (sum, more) in half.iter_mut().zip([gathered, corrected, 1]) {
@@ -164,7 +164,7 @@ pub fn add_value(halves: &mut Halves, number: u64, parts: [f64; 2]) {
 }
 
 /// Takes all values of other halves into account.
-pub fn add_halves(halves: &mut [Halves], others: &[Halves]) {
+pub fn add_halves(halves: &mut [HalfBuffers], others: &[HalfBuffers]) {
     let others = others.as_flattened().as_flattened();
     let halves = halves.as_flattened_mut().as_flattened_mut();
     for (sum, more) in halves.iter_mut().zip(others) {
@@ -278,9 +278,9 @@ impl Film {
             resolution,
             is_list,
             window,
-            whole: window,
-            first: 0,
-            replicate: 1,
+            run_window: window,
+            sample_offset: 0,
+            net_size: 1,
             tiles,
             places,
             pixels,
@@ -336,7 +336,7 @@ impl Film {
 
     /// The tiles of the whole window of its run.
     pub fn all_tiles(&self) -> Vec<Tile> {
-        Self::layout(self.whole, self.tile_height()).0
+        Self::layout(self.run_window, self.tile_height()).0
     }
 
     /// The height of its tiles.
@@ -424,14 +424,14 @@ impl Film {
         own: Option<&[u32]>,
     ) -> Vec<f64> {
         let counts = self.values(window, 0., |_, p| p.count() as f64);
-        let (whole, (left, top)) = (self.whole, window.corner);
+        let (run, (left, top)) = (self.run_window, window.corner);
         let at = |i: u32| {
             let (x, y) =
                 (left + i % window.size.0, top + i / window.size.0);
-            (y - whole.corner.1) * whole.size.0 + x - whole.corner.0
+            (y - run.corner.1) * run.size.0 + x - run.corner.0
         };
         let each = |i| {
-            own.map_or(self.replicate, |own| own[at(i) as usize].into())
+            own.map_or(self.net_size, |own| own[at(i) as usize].into())
                 as f64
         };
         (0..).zip(counts).map(|(i, count)| count * each(i)).collect()
@@ -441,7 +441,7 @@ impl Film {
     pub fn samples(&self) -> u64 {
         let tiles = self.tiles.iter();
         let counts = tiles.map(|tile| self.pixels[tile.start].count());
-        counts.min().unwrap_or(0) * self.replicate
+        counts.min().unwrap_or(0) * self.net_size
     }
 
     /// The number of pixels without a sample.
@@ -460,8 +460,8 @@ impl Film {
 
     /// The same film, whose accumulators take one value for so many samples.
     /// It must be empty.
-    pub fn with_replicates(self, samples: u64) -> Self {
-        Self { replicate: samples, ..self }
+    pub fn with_net_size(self, samples: u64) -> Self {
+        Self { net_size: samples, ..self }
     }
 
     /// The same film, whose pixels share random numbers within a tile. It must
@@ -473,7 +473,7 @@ impl Film {
 
     /// The same film, which keeps halves. It must be empty.
     pub fn with_halves(mut self) -> Self {
-        self.halves = vec![Halves::default(); self.pixels.len()];
+        self.halves = vec![HalfBuffers::default(); self.pixels.len()];
         self
     }
 
@@ -525,15 +525,15 @@ impl Film {
     }
 
     /// Summarises the image, with the errors that [`Film::errors`] gives
-    /// for [`WORTH`].
+    /// for [`NEIGHBOUR_WEIGHT`].
     pub fn summary(&self) -> Summary {
-        let few = self.samples() < 2 * self.replicate;
+        let few = self.samples() < 2 * self.net_size;
         // Sum numbers of all pixels over rows
         let rows = self.bands().flat_map_iter(|band| {
             let means = self.values(band, 0., |_, p| p.mean()).into_iter();
             let errors = match few {
                 true => vec![DVec2::INFINITY; band.area()],
-                false => self.errors_and_variances(WORTH, band),
+                false => self.errors_and_variances(NEIGHBOUR_WEIGHT, band),
             };
             let pixels = means.zip(errors).map(|(mean, e)| {
                 DVec3::new(mean, e.x * e.x, f64::from(e.y == 0.))
@@ -607,12 +607,12 @@ pub struct Summary {
 const REACH: u32 = 2;
 
 /// How many samples the variance of the neighbours is worth.
-pub const WORTH: f64 = 4.;
+pub const NEIGHBOUR_WEIGHT: f64 = 4.;
 
 impl Film {
     /// The standard errors of the pixels of a window, row by row; infinite
     /// where unknown. The variance that a pixel has seen is combined with that
-    /// of its neighbours, which counts as `worth` values ([`WORTH`]; 0 leaves
+    /// of its neighbours, which counts as `worth` values ([`NEIGHBOUR_WEIGHT`]; 0 leaves
     /// the neighbours out).
     pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
         let pixels = self.errors_and_variances(worth, window).into_iter();
@@ -670,12 +670,12 @@ impl Film {
     }
 
     /// An error of the image; infinite if it is unknown.
-    pub fn error(&self, measure: Measure) -> f64 {
+    pub fn error(&self, norm: ErrorNorm) -> f64 {
         let sums = self.bands().map(|band| {
-            let errors = self.errors(WORTH, band).into_iter();
+            let errors = self.errors(NEIGHBOUR_WEIGHT, band).into_iter();
             let squares =
                 errors.zip(self.means_of(band)).map(|(error, mean)| {
-                    let whole = if measure.relative { mean } else { 1. };
+                    let whole = if norm.relative { mean } else { 1. };
                     let is_exact = error == 0. || whole == 0.;
                     let part = if is_exact { 0. } else { error / whole };
                     if part.is_nan() { f64::INFINITY } else { part * part }
@@ -688,7 +688,7 @@ impl Film {
         let most = sums.iter().map(|sums| sums[1]).fold(0., f64::max);
         let mean = sums.iter().map(|sums| sums[0]).sum::<f64>();
         let mean = mean / self.area() as f64;
-        if measure.largest { most.sqrt() } else { mean.sqrt() }
+        if norm.largest { most.sqrt() } else { mean.sqrt() }
     }
 
     /// The standard error with which each pixel of a window counts in a sum
@@ -710,16 +710,16 @@ impl Film {
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize,
 )]
-pub struct Measure {
+pub struct ErrorNorm {
     /// As a part of the mean of each pixel.
     pub relative: bool,
     /// That of the worst pixel, not the root mean square of all.
     pub largest: bool,
 }
 
-impl Measure {
+impl ErrorNorm {
     /// Whether it is the root mean square of all.
-    pub fn is_usual(&self) -> bool {
+    pub fn is_rms(&self) -> bool {
         *self == Self::default()
     }
 }

@@ -73,7 +73,7 @@ impl FirstHits {
         };
         let cover_all =
             |_| (0..hits.len()).into_par_iter().map(cover).collect();
-        let opacity = view.sky.behind.map(cover_all);
+        let opacity = view.sky.background.map(cover_all);
         Self { width, edges, hits, opacity }
     }
 }

@@ -6,9 +6,9 @@
 
 use std::process::ExitCode;
 
-use litpt::integrator::Alone;
+use litpt::integrator::SingleProcess;
 use litpt::session::lead;
 
 fn main() -> ExitCode {
-    lead(&Alone)
+    lead(&SingleProcess)
 }

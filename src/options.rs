@@ -24,7 +24,7 @@ use serde_json::Value;
 use crate::bvh::Isa;
 use crate::camera::{View, Viewpoint};
 use crate::compare::display::Exposure;
-use crate::film::{Measure, SIDE, Window, digits, parse_size};
+use crate::film::{ErrorNorm, SIDE, Window, digits, parse_size};
 use crate::image::Format;
 use crate::materials::Band;
 use crate::output::descriptor;
@@ -709,10 +709,10 @@ impl Options {
     }
 
     /// The error to reach, and which error it is.
-    pub fn target(&self) -> Option<(f64, Measure)> {
+    pub fn target(&self) -> Option<(f64, ErrorNorm)> {
         let Target { error, is_relative } = self.error?;
         let largest = matches!(self.error_of, ErrorOf::Max);
-        Some((error, Measure { relative: is_relative, largest }))
+        Some((error, ErrorNorm { relative: is_relative, largest }))
     }
 
     /// The albedo of surfaces without a name that has one.

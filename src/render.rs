@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
-use crate::film::{Film, FilmTile, Halves, Tile, Watch};
+use crate::film::{Film, FilmTile, HalfBuffers, Tile, Watch};
 use crate::film::{add_halves, add_value};
 use crate::integrator::{Integrator, PathEvent};
 pub use crate::integrator::{Renderer, Share};
@@ -45,10 +45,10 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     for Job<'_, K, E, S>
 {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        let replicate = self.sampler.replicate();
-        assert_eq!(film.replicate, replicate, "replicates");
-        let first = film.first / replicate;
-        let end = first + end.div_ceil(replicate);
+        let net_size = self.sampler.net_size();
+        assert_eq!(film.net_size, net_size, "replicates");
+        let first = film.sample_offset / net_size;
+        let end = first + end.div_ceil(net_size);
         let pass = Pass { job: self, resolution: film.resolution, watch };
         let tiles = film.tiles();
         let parts =
@@ -126,7 +126,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
                 rays += more;
             }
         }
-        let samples = count * self.job.sampler.replicate();
+        let samples = count * self.job.sampler.net_size();
         (self.watch)(samples.saturating_mul(pixels.len() as u64));
         Some(rays)
     }
@@ -139,22 +139,22 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         tile: Tile,
         values: Range<u64>,
         keeps_halves: bool,
-    ) -> Option<(Vec<Accumulator>, Vec<Halves>, u64)> {
+    ) -> Option<(Vec<Accumulator>, Vec<HalfBuffers>, u64)> {
         let trace = |samples| {
             let intersector = self.job.intersector;
             intersector.dispatch(Trace { pass: self, tile, samples })
         };
-        let replicate = self.job.sampler.replicate();
-        if replicate == 1 && !keeps_halves {
+        let net_size = self.job.sampler.net_size();
+        if net_size == 1 && !keeps_halves {
             return trace(values).map(|(sums, rays)| (sums, vec![], rays));
         }
         let mut sums = vec![Accumulator::default(); tile.area()];
         let kept = if keeps_halves { tile.area() } else { 0 };
-        let mut halves = vec![Halves::default(); kept];
+        let mut halves = vec![HalfBuffers::default(); kept];
         let mut rays = 0;
         for value in values {
             let (own, more) =
-                trace(value * replicate..(value + 1) * replicate)?;
+                trace(value * net_size..(value + 1) * net_size)?;
             for (sum, own) in sums.iter_mut().zip(&own) {
                 sum.add(own.mean());
             }

@@ -14,7 +14,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use signal_hook::consts::{SIGXCPU, SIGXFSZ};
 use signal_hook::flag;
 
-use crate::film::{Film, Measure, Summary};
+use crate::film::{ErrorNorm, Film, Summary};
 use crate::render::{Renderer, Share};
 
 /// When a run stops, and what it is compared with.
@@ -32,7 +32,7 @@ pub struct Limits<'a> {
     /// The error to reach.
     pub error: Option<f64>,
     /// Which error that is.
-    pub measure: Measure,
+    pub measure: ErrorNorm,
     /// Stops the run when a signal arrives.
     pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
@@ -113,8 +113,8 @@ pub struct CurvePoint {
 
 impl CurvePoint {
     /// The error of a measure that is held against a target, if it is known.
-    pub fn judged(&self, measure: Measure) -> Option<f64> {
-        if measure.is_usual() { self.rmse } else { self.target_error }
+    pub fn judged(&self, measure: ErrorNorm) -> Option<f64> {
+        if measure.is_rms() { self.rmse } else { self.target_error }
     }
 }
 
@@ -144,7 +144,7 @@ pub struct Convergence {
     pub ranks: Vec<Share>,
     /// Which error is held against a target.
     #[serde(skip)]
-    measure: Measure,
+    measure: ErrorNorm,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
@@ -165,7 +165,7 @@ fn true_error(film: &Film, truth: &[f64]) -> f64 {
 }
 
 /// The number of paths before which no error is believed.
-const DECISIVE: f64 = 1000.;
+const MIN_PATHS: f64 = 1000.;
 
 impl Convergence {
     /// Goes on with a run until a limit is reached. Calls `advance`, from
@@ -270,7 +270,7 @@ impl Convergence {
 
     /// The samples after which the error is expected to be reached.
     fn needed(&self, error: f64, area: u64) -> u64 {
-        let least = (DECISIVE / area as f64).ceil().max(2.);
+        let least = (MIN_PATHS / area as f64).ceil().max(2.);
         let last = self.last();
         let Some(rmse) = last.judged(self.measure) else {
             let open = self.spp < least as u64;
@@ -321,7 +321,7 @@ impl Convergence {
         let unseen = 3. / (paths * self.spp as f64);
         let enough = |rmse| rmse * rmse + unseen <= error * error;
         let step = self.last();
-        let is_recent = step.spp == self.spp && paths >= DECISIVE;
+        let is_recent = step.spp == self.spp && paths >= MIN_PATHS;
         is_recent && step.judged(self.measure).is_some_and(enough)
     }
 
@@ -336,7 +336,7 @@ impl Convergence {
         self.constant_pixels = constant;
         let finite = |x: f64| x.is_finite().then_some(x);
         let &Limits { measure, reference, .. } = limits;
-        let judged = (!measure.is_usual()).then(|| film.error(measure));
+        let judged = (!measure.is_rms()).then(|| film.error(measure));
         let truth = reference.filter(|_| spp > 0);
         self.curve.push(CurvePoint {
             spp,

@@ -31,7 +31,7 @@ use crate::film::{Film, SIDE, tile_height};
 use crate::image::levels::level;
 use crate::image::{Format, Image};
 use crate::integrator::gather::cache::Grid;
-use crate::integrator::{Alone, Together};
+use crate::integrator::{Communicator, SingleProcess};
 use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces};
 use crate::materials::{libraries, names};
 use crate::memory::zeroed;
@@ -55,7 +55,7 @@ use crate::state::learnt;
 use crate::statistics::Accumulator;
 
 /// The processes that render one image, as each of them sees them.
-pub trait Ranks: Together {
+pub trait Ranks: Communicator {
     /// Tells the others something, which they [`hear`](Self::hear).
     fn tell(&self, _: &mut [u8]) {}
 
@@ -77,7 +77,7 @@ pub trait Ranks: Together {
     fn serve(&self, _: Box<dyn Renderer + '_>, _: &RunKey) {}
 }
 
-impl Ranks for Alone {}
+impl Ranks for SingleProcess {}
 
 /// Runs the program with the words of the process, which leads `ranks`;
 /// returns its exit status.
@@ -197,7 +197,7 @@ fn run(
         scene_sha256: report.scene.sha256.clone(),
         subject: subject.clone(),
         sampling,
-        part: options.part(sampling.replicate),
+        part: options.part(sampling.net_size),
         filtered: keeps_halves(options, &files, sampling, resumed.as_ref()),
     };
     report.settings.extend(settings(options, &run_key, choice));
@@ -223,7 +223,7 @@ fn run(
     }
     let renderer = setup.renderer(&sampling, learnt.clone(), ranks);
     let renderer = &mut *ranks.lead(renderer, &run_key);
-    let goal = options.goal(sampling.replicate);
+    let goal = options.goal(sampling.net_size);
     let learns =
         sampling.method == Method::Gather && learnt.get().is_none();
     let run = film_so_far(options, &run_key, goal, learns, resumed)?;
@@ -642,7 +642,7 @@ fn subject(
         view.up = zenith;
     }
     let sky = Sky {
-        behind: options.background,
+        background: options.background,
         ..Sky::with(zenith, options.sky)
     };
     if !options.has_camera() {
@@ -671,8 +671,11 @@ fn read(path: &Path, is_scene: bool) -> Result<Vec<u8>, String> {
         path => Box::new(File::open(path).map_err(fault)?),
     };
     let mut bytes = Vec::new();
-    pipe.by_ref().take(START).read_to_end(&mut bytes).map_err(fault)?;
-    let is_long = is_scene && bytes.len() as u64 == START;
+    pipe.by_ref()
+        .take(PROBE_BYTES)
+        .read_to_end(&mut bytes)
+        .map_err(fault)?;
+    let is_long = is_scene && bytes.len() as u64 == PROBE_BYTES;
     if is_long && !begins_obj(&bytes) {
         return Err(fault(io::Error::other(
             "no vertex in the first 64 MiB",
@@ -683,7 +686,7 @@ fn read(path: &Path, is_scene: bool) -> Result<Vec<u8>, String> {
 }
 
 /// So many bytes of an OBJ have a vertex.
-const START: u64 = 1 << 26;
+const PROBE_BYTES: u64 = 1 << 26;
 
 /// A hash of some bytes, in hexadecimal digits.
 fn sha256(bytes: &[u8]) -> String {
@@ -740,8 +743,8 @@ impl World {
         let mesh = parse(&options, &read(scene, true)?)?;
         options.up = unsaid_up(&options, &mesh).unwrap_or(options.up);
         let named = (mesh.clone(), String::new());
-        let loaded = prepare(&options, named, &[], None, &Alone)?;
-        Ok((mesh, build(loaded, &options, &Alone)?))
+        let loaded = prepare(&options, named, &[], None, &SingleProcess)?;
+        Ok((mesh, build(loaded, &options, &SingleProcess)?))
     }
 
     /// Shows the scene, of which this is the mesh, as other options say; its
@@ -842,7 +845,7 @@ fn build(
         let is_oriented =
             options.points.is_some() && left_out[1].is_empty();
         let around = (&bvh, &frame, subject.sky.zenith, is_oriented);
-        all.settle(around, |hit| grid.order(hit));
+        all.order(around, |hit| grid.order(hit));
         warn_all(&table.file, table.odd(all, |why, _| why != INSIDE));
         let (count, name) = (all.count(), table.shape.name());
         if count == 0 {
@@ -878,7 +881,7 @@ fn build(
     report.left_out = analysis.left_out().cloned().collect();
     let (known, all) = analysis.known.count();
     let why = report.left_out.last().filter(|_| 0 < all && known == all);
-    why.iter().for_each(|found| progress::warn(&found.why));
+    why.iter().for_each(|found| progress::warn(&found.reason));
     let quality = quality.to_string();
     report.settings.insert("hierarchy".into(), quality.into());
     report.build_seconds = began.elapsed().as_secs_f64();
@@ -894,9 +897,9 @@ fn explain(
     choice: Option<Choice>,
 ) -> Result<Stop, Error> {
     let mut lines = String::new();
-    for Finding { fact, holds, why } in &analysis.findings {
-        let sign = if *holds { "left out" } else { "-" };
-        lines += &format!("{fact:13}{sign:10}{why}\n");
+    for Finding { name, applies, reason } in &analysis.findings {
+        let sign = if *applies { "left out" } else { "-" };
+        lines += &format!("{name:13}{sign:10}{reason}\n");
     }
     // Name the parts that do the rest
     let why = choice.map_or(method.to_string(), |why| why.to_string());
@@ -993,7 +996,7 @@ fn film_so_far(
     let mut convergence = Convergence::default();
     // Warn of a part without a sample
     if options.range.is_some_and(|(a, b)| a < b) && goal == Some(0) {
-        let together = film.replicate;
+        let together = film.net_size;
         progress::warn(&format!(
             "the part has no sample: {together} are placed together"
         ));

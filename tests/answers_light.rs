@@ -160,10 +160,11 @@ fn believer(value: f32) -> RadianceCache {
 /// The pixels of an image of one tile in so many scrambles, the means of all,
 /// and the rays of a sample.
 fn scrambles(
-    like: &Tracer<Bvh>,
+    prototype: &Tracer<Bvh>,
     count: u64,
 ) -> (Vec<Accumulator>, Accumulator, f64) {
-    let (mut tracer, window) = (Tracer { ..*like }, like.allocation.window);
+    let (mut tracer, window) =
+        (Tracer { ..*prototype }, prototype.allocation.window);
     let tile = Film::new(window.size.0, window.size.1).tiles()[0].tile;
     let mut pixels = vec![Accumulator::default(); window.area()];
     let mut mean = Accumulator::default();
@@ -172,7 +173,7 @@ fn scrambles(
         mean.add(values.iter().sum::<f64>() / values.len() as f64);
         pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
     }
-    let samples: u32 = like.allocation.counts.iter().sum();
+    let samples: u32 = prototype.allocation.counts.iter().sum();
     (pixels, mean, tracer.rays as f64 / f64::from(samples) / count as f64)
 }
 
@@ -187,8 +188,9 @@ fn gather(
     let gather = &Gather { seed: 4, correction, ..setting.gather((4, 4)) };
     let allocation = &Allocation::even(Film::new(4, 4).window);
     let intersector = gather.intersector;
-    let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (pixels, mut sum, rays) = scrambles(&like, count);
+    let prototype =
+        Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let (pixels, mut sum, rays) = scrambles(&prototype, count);
     if correction.is_none() {
         sum = Accumulator::default();
         pixels.iter().for_each(|pixel| sum.merge(pixel));
@@ -235,14 +237,15 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let intersector = default.intersector;
     let cache = &RadianceCache::empty(Grid::around(&[]));
     let gather = &Gather { seed: 9, training: 1 << 17, ..default };
-    let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (cache, _) = train(&like, &|_| true).unwrap();
+    let prototype =
+        Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let (cache, _) = train(&prototype, &|_| true).unwrap();
     let correction =
         step.map(|step| Correction { step, ..Correction::default() });
     let gather =
         &Gather { seed: 4, correction, ..setting.gather((16, 16)) };
-    let like = Tracer { gather, cache: &cache, ..like };
-    let (pixels, _, rays) = scrambles(&like, 100);
+    let prototype = Tracer { gather, cache: &cache, ..prototype };
+    let (pixels, _, rays) = scrambles(&prototype, 100);
     let sum: f64 = pixels.iter().map(Accumulator::variance).sum();
     (sum / 256., rays)
 }
@@ -279,7 +282,7 @@ fn a_pixel_that_has_seen_nothing_is_believed_with_time() {
             pixel.add_times(1., ones);
             pixel.add_times(0., n - ones);
         }
-        film.errors(WORTH, film.window)[12]
+        film.errors(NEIGHBOUR_WEIGHT, film.window)[12]
     };
     near(stated(16), 0.0363, 5e-5);
     near(stated(64), 0.0094, 5e-5);

@@ -348,7 +348,7 @@ fn nets(samples: u64) -> Film {
     let Job { sensor, intersector, known, .. } = setting.job(0);
     let (sampler, integrator) = (SobolSampler::new(11, 16), Distance);
     let mut job = Job { sensor, intersector, integrator, known, sampler };
-    let mut film = Film::new(64, 64).with_replicates(16);
+    let mut film = Film::new(64, 64).with_net_size(16);
     job.pass(&mut film, samples / 3, &|_| true);
     job.pass(&mut film, samples, &|_| true);
     film

@@ -448,11 +448,11 @@ impl Stage {
         let mut points = vec![];
         while points.len() < count {
             let [x, y] = point(&mut random);
-            let mut end = tracer.look(x, y);
+            let mut end = tracer.trace_primary(x, y);
             while let End::Hit(hit) = end {
                 points.push((hit.point, hit.normal));
                 let u = [random.random(), random.random()];
-                end = tracer.shoot(&hit, None, u).end;
+                end = tracer.trace_gather_ray(&hit, None, u).end;
             }
         }
         points
@@ -603,7 +603,7 @@ impl Stage {
     /// A film without a sample.
     fn film(&self, replicate: u64) -> Film {
         let (width, height) = self.resolution;
-        let film = Film::new(width, height).with_replicates(replicate);
+        let film = Film::new(width, height).with_net_size(replicate);
         film.with_shared_tiles()
     }
 
@@ -759,7 +759,7 @@ fn room() -> &'static (Stage, Truth) {
 fn honesty(film: &Film, truth: &Truth) -> f64 {
     let all = film
         .means()
-        .zip(film.errors(WORTH, film.window))
+        .zip(film.errors(NEIGHBOUR_WEIGHT, film.window))
         .zip(&truth.pixels);
     let squares =
         all.map(|((mean, error), (truth, unsure)): (_, &(f64, f64))| {

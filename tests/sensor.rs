@@ -397,7 +397,7 @@ fn an_image_of_one_column_is_no_list_of_receivers() {
         for (y, pixel) in (0..).zip(&mut film.pixels) {
             (0..4).for_each(|n| pixel.add(f64::from(n % 2 * y)));
         }
-        film.errors(WORTH, window)
+        film.errors(NEIGHBOUR_WEIGHT, window)
     };
     assert_eq!(film(true)[0], 0.);
     assert!(film(false)[0] > 0.);

@@ -131,7 +131,7 @@ impl KnownPixels {
             if intersector.has_ground() && !is_above {
                 return TileContent::Scene;
             }
-            if let Some(grey) = sky.behind {
+            if let Some(grey) = sky.background {
                 return TileContent::Constant(grey);
             }
             match sky.zenith.abs().max_element() == 1. {

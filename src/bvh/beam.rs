@@ -9,8 +9,12 @@ use glam::DVec3;
 
 use super::intersector::{BEAM, Batch, Hit};
 use super::spawn::hit;
-use super::traversal::{Kernel, ROUGH, Slabs, Stack, Waiting, prepare};
-use super::traversal::{distance, interval, is_within_bounds, keys, look};
+use super::traversal::{
+    Kernel, PLANE_ERROR, Slabs, Stack, Waiting, prepare,
+};
+use super::traversal::{
+    distance, intersect_leaf, interval, is_within_bounds, keys,
+};
 use super::triangle::{LEAF, NONE, Region, slots};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -61,7 +65,8 @@ impl Beam {
         for (i, ray) in rays.iter().enumerate() {
             let Some(ray) = ray else { continue };
             let slabs = Slabs::new(ray, region);
-            let near = region.beyond(ray.origin) <= ROUGH * region.reach;
+            let near =
+                region.beyond(ray.origin) <= PLANE_ERROR * region.reach;
             if !(near
                 && is_within_bounds(ray)
                 && slabs.enter == self.slabs.enter)
@@ -210,7 +215,9 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
                     // SAFETY: without gates, children with the bit LEAF are leaves; the
                     // processor has the instructions, says the caller.
                     let met = unsafe {
-                        look::<K, N, true>(search, ray, ways, leaf)
+                        intersect_leaf::<K, N, true>(
+                            search, ray, ways, leaf,
+                        )
                     };
                     doubtful |= u32::from(met.is_none()) << i;
                     beam.t_max[i] =

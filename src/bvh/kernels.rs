@@ -9,7 +9,9 @@
 use std::arch::x86_64::*;
 use std::mem::transmute;
 
-use super::traversal::{Kernel, Meet, Met, Slabs, Stack, interval, keys};
+use super::traversal::{
+    Kernel, LeafHits, LeafKernel, Slabs, Stack, interval, keys,
+};
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
 
@@ -74,14 +76,14 @@ impl Kernel<8> for Vectors {
     }
 }
 
-impl Meet for Vectors {
+impl LeafKernel for Vectors {
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    unsafe fn meet(
+    unsafe fn intersect(
         leaf: Leaf,
         shear: &Shear,
         (limit, margins): (f64, &Margins),
-    ) -> Met {
+    ) -> LeafHits {
         // Read a coordinate of four triangles
         let runs = leaf.words.as_ptr();
         let at = |c: usize, i: usize| {

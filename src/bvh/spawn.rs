@@ -78,7 +78,7 @@ pub fn hit<const N: usize>(
         let around = Around { point: met, part: AROUND, least: own };
         let arrival =
             Arrival { wide, ray, distance, around, primitive, left };
-        if let Some(safe) = arrival.settle(deep) {
+        if let Some(safe) = arrival.resolve(deep) {
             point = safe;
         }
     }
@@ -118,7 +118,7 @@ impl<const N: usize> Arrival<'_, N> {
     /// A safe point, if the hit is too close to others, or too `deep`.
     #[cold]
     #[inline(never)]
-    fn settle(&self, deep: bool) -> Option<DVec3> {
+    fn resolve(&self, deep: bool) -> Option<DVec3> {
         let shear = Shear::new(self.ray);
         let close = deep || self.is_low() || self.is_close(&shear);
         close.then(|| self.offset(&shear))

@@ -38,7 +38,7 @@ impl Slabs {
     pub fn new(ray: &Ray, region: &Region) -> Self {
         let direction = ray.direction.as_vec3().to_array();
         let origin = (ray.origin - region.zero).as_vec3().to_array();
-        let inverse = direction.map(|d| 1. / steep(d));
+        let inverse = direction.map(|d| 1. / clamp_direction(d));
         let start: [f32; 3] = array::from_fn(|i| origin[i] * inverse[i]);
         let up = direction.map(|d| usize::from(d >= 0.));
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
@@ -47,7 +47,7 @@ impl Slabs {
         // Move planes apart for distant rays
         let beyond = region.beyond(ray.origin);
         if beyond > 0. {
-            let margin = (beyond * ROUGH) as f32;
+            let margin = (beyond * PLANE_ERROR) as f32;
             let aside = inverse.map(|r| margin * r.abs());
             entry = array::from_fn(|i| start[i] + aside[i]);
             exit = array::from_fn(|i| start[i] - aside[i]);
@@ -58,25 +58,25 @@ impl Slabs {
 
 /// By which part of the distance from a region planes of its boxes may be
 /// displaced: 2^-20.
-pub const ROUGH: f64 = 1. / (1 << 20) as f64;
+pub const PLANE_ERROR: f64 = 1. / (1 << 20) as f64;
 
 const LEAST: f32 = f32::from_bits((127 - 60) << 23);
 
 /// The component `d` of a direction, of size `LEAST` at least; a zero of
 /// either sign counts as positive.
 #[inline(always)]
-fn steep(d: f32) -> f32 {
+fn clamp_direction(d: f32) -> f32 {
     d.abs().max(LEAST).copysign(d + 0.)
 }
 
 /// Rays with an origin or a direction that has a component of 2^64 or more
 /// meet nothing. With a direction of at least `LEAST` nothing overflows.
-const OUTER: f64 = (1u128 << 64) as f64;
+const MAX_COORDINATE: f64 = (1u128 << 64) as f64;
 
 /// Whether a ray may meet something.
 #[inline(always)]
 pub fn is_within_bounds(ray: &Ray) -> bool {
-    let bounds = DVec3::splat(OUTER);
+    let bounds = DVec3::splat(MAX_COORDINATE);
     let within = |v: DVec3| v.abs().cmplt(bounds);
     (within(ray.origin) & within(ray.direction)).all()
 }
@@ -202,7 +202,7 @@ impl<'a> Stack<'a> {
 }
 
 /// The instructions for nodes of `N` children, and for leaves.
-pub trait Kernel<const N: usize>: Meet {
+pub trait Kernel<const N: usize>: LeafKernel {
     /// Pushes the children of a node whose boxes the ray of `slabs` enters
     /// before `t_max`, but returns the nearest; none if there are none.
     ///
@@ -230,22 +230,22 @@ pub trait Kernel<const N: usize>: Meet {
 }
 
 /// The instructions for the triangles of a leaf.
-pub trait Meet: Sync {
-    /// Those that a ray meets up to the distance `limit`. Lanes that meet
+pub trait LeafKernel: Sync {
+    /// Those that a ray meets up to the distance `limit`. Lanes that intersect
     /// the ray beyond may or may not be in the mask.
     ///
     /// # Safety
     /// The processor has the instructions, and the leaf is one of `Leaves`.
-    unsafe fn meet(
+    unsafe fn intersect(
         leaf: Leaf,
         shear: &Shear,
         limit: (f64, &Margins),
-    ) -> Met;
+    ) -> LeafHits;
 }
 
 /// The lanes of a leaf that are met, as a mask, and the distances; none if
 /// the ray passes one of the triangles closely.
-pub type Met = Option<(u32, [f64; LANES])>;
+pub type LeafHits = Option<(u32, [f64; LANES])>;
 
 /// What a ray needs to look for the nearest triangle: a search that has met
 /// nothing, for a ray that left the first slot, while the second is offered
@@ -333,7 +333,12 @@ pub unsafe fn walk<
                 // SAFETY: as above; children with the bit LEAF below the gates
                 // are leaves that are there.
                 let met = unsafe {
-                    look::<K, N, FAST>(&mut search, ray, ways, place)?
+                    intersect_leaf::<K, N, FAST>(
+                        &mut search,
+                        ray,
+                        ways,
+                        place,
+                    )?
                 };
                 if met != 0 {
                     if ANY && search.slot != target {
@@ -367,7 +372,11 @@ pub unsafe fn walk<
 /// # Safety
 /// The leaf is there, and the processor has the instructions of `K`.
 #[inline(always)]
-pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
+pub unsafe fn intersect_leaf<
+    K: Kernel<N>,
+    const N: usize,
+    const FAST: bool,
+>(
     search: &mut Search,
     ray: &Ray,
     (shear, margins): (&Shear, &Margins),
@@ -377,10 +386,10 @@ pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
     // SAFETY: it is there, says the caller.
     let leaf = unsafe { search.leaf(first, count) };
     // SAFETY: it is one of `Leaves`; the rest says the caller.
-    let met = unsafe { K::meet(leaf, shear, (limit, margins)) };
+    let met = unsafe { K::intersect(leaf, shear, (limit, margins)) };
     let (mask, distances) = match met {
         None if FAST => return None,
-        _ => met.unwrap_or_else(|| leaf.meet(shear, margins)),
+        _ => met.unwrap_or_else(|| leaf.intersect(shear, margins)),
     };
     let mut left = mask;
     while left != 0 {
@@ -505,13 +514,13 @@ impl<const N: usize> Kernel<N> for Portable {
     }
 }
 
-impl Meet for Portable {
+impl LeafKernel for Portable {
     #[inline(always)]
-    unsafe fn meet(
+    unsafe fn intersect(
         leaf: Leaf,
         shear: &Shear,
         (limit, margins): (f64, &Margins),
-    ) -> Met {
+    ) -> LeafHits {
         let sheared = leaf.sheared::<LANES>(0, shear);
         let ([u, v, w], [_, _, [a, b, c]]) = (edges(&sheared), sheared);
         let less = |a: f64, b: f64| if a < b { a } else { b };

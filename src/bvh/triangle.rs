@@ -351,7 +351,7 @@ impl Leaf<'_> {
     /// it passes close by from bit `LANES` on, with where that begins. What
     /// the distance of another lane says is not specified.
     #[inline(always)]
-    pub fn meet(
+    pub fn intersect(
         &self,
         shear: &Shear,
         margins: &Margins,

@@ -17,11 +17,11 @@ use super::{Job, Renderer};
 use crate::analysis::background::TileContent;
 use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::{Bvh, Dispatch, Intersector};
-use crate::film::{Film, Measure, Window};
+use crate::film::{ErrorNorm, Film, Window};
 use crate::integrator::gather::training::PILOT_SAMPLES;
 use crate::integrator::gather::{Correction, Gather, Learnt};
+use crate::integrator::{Communicator, identity};
 use crate::integrator::{Integrator, PathEvent, PathTracer};
-use crate::integrator::{Together, identity};
 use crate::numerics::power_of_two;
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
@@ -76,15 +76,16 @@ pub struct Sampling {
     /// Chooses all random numbers.
     pub seed: u64,
     /// Samples of a pixel that are placed together, on average.
-    pub replicate: u64,
+    #[serde(rename = "replicate")]
+    pub net_size: u64,
     /// At most about as many rays train the cache of a gather.
     pub training: u64,
     /// Of paths in nets, [`PathTracer::control`] in per cent.
     #[serde(rename = "sky_control")]
     pub control: u64,
     /// Of a gather, the error for which its samples are distributed.
-    #[serde(default, skip_serializing_if = "Measure::is_usual")]
-    pub measure: Measure,
+    #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
+    pub measure: ErrorNorm,
 }
 
 /// The pixels of a window.
@@ -124,18 +125,18 @@ impl Sampling {
         let root = (rays as f64 * BEST_TRAINING).sqrt() as u64;
         let trained = root.min(rays.saturating_mul(2));
         let trained = trained.clamp(1 << 16, 1 << 22);
-        let (replicate, training) = match method {
+        let (net_size, training) = match method {
             Method::Reference => (1, 0),
             Method::Sobol => (together(least, most), 0),
             Method::Gather => (together(16, gathered), trained),
         };
-        let (control, measure) = (0, Measure::default());
-        Self { method, seed, replicate, training, control, measure }
+        let (control, measure) = (0, ErrorNorm::default());
+        Self { method, seed, net_size, training, control, measure }
     }
 
     /// The same film, which has no sample, for these samples.
     pub fn film(&self, film: Film) -> Film {
-        let film = film.with_replicates(self.replicate);
+        let film = film.with_net_size(self.net_size);
         match self.method {
             Method::Gather => film.with_shared_tiles(),
             _ => film,
@@ -178,10 +179,10 @@ impl<'a> Setup<'a> {
         &self,
         sampling: &Sampling,
         learnt: Arc<OnceLock<Learnt>>,
-        together: &'a dyn Together,
+        communicator: &'a dyn Communicator,
     ) -> Box<dyn Renderer + 'a> {
         let &Self { intersector, view, analysis } = self;
-        let &Sampling { seed, replicate, training, .. } = sampling;
+        let &Sampling { seed, net_size, training, .. } = sampling;
         let mut paths = PathTracer::new(view.surfaces, view.sky);
         match sampling.method {
             Method::Reference => {
@@ -189,10 +190,10 @@ impl<'a> Setup<'a> {
             }
             Method::Sobol => {
                 paths.control = sampling.control as f64 / 100.;
-                self.job(paths, SobolSampler::new(seed, replicate))
+                self.job(paths, SobolSampler::new(seed, net_size))
             }
             Method::Gather => Box::new(Gather {
-                measure: sampling.measure,
+                norm: sampling.measure,
                 view: *view,
                 intersector,
                 known: &analysis.known,
@@ -200,7 +201,7 @@ impl<'a> Setup<'a> {
                 training,
                 correction: Some(Correction::default()),
                 learnt,
-                together,
+                communicator,
             }),
         }
     }
@@ -515,7 +516,7 @@ impl Forecast {
         match sampling.method {
             Method::Reference => [first + later, rays],
             Method::Sobol => {
-                let net = libm::pow(sampling.replicate as f64, -0.4);
+                let net = libm::pow(sampling.net_size as f64, -0.4);
                 [self.pilot.controlled() * net + later, 1.05 * rays]
             }
             Method::Gather => {
@@ -539,7 +540,7 @@ impl Forecast {
     /// The rays of a sample with its part of the corrections.
     fn gathering(&self, sampling: &Sampling) -> f64 {
         let further = 4.7 * self.albedo * self.pilot.indirect;
-        let more = 0.5 / sampling.replicate as f64;
+        let more = 0.5 / sampling.net_size as f64;
         (1. + more) * (self.seen() + further)
     }
 
@@ -569,7 +570,7 @@ impl Forecast {
 
     /// The mean square error of an image that is good enough. The error of the
     /// worst pixel is taken for three times that of all.
-    fn allowed(&self, (error, of): (f64, Measure)) -> f64 {
+    fn allowed(&self, (error, of): (f64, ErrorNorm)) -> f64 {
         let whole = if of.relative { self.pilot.square } else { 1. };
         let part = if of.largest { 1. / 9. } else { 1. };
         error * error * whole * part
@@ -577,7 +578,7 @@ impl Forecast {
 
     /// The work before each pixel has a sample, in paths.
     fn first_paths(&self, sampling: &Sampling) -> f64 {
-        let first = self.area() * sampling.replicate as f64;
+        let first = self.area() * sampling.net_size as f64;
         match sampling.method {
             Method::Gather => {
                 let rays = self.learning(sampling)
@@ -636,7 +637,7 @@ pub struct Request {
     /// Samples of each pixel.
     pub samples: Option<u64>,
     /// The error of the image, and which one.
-    pub error: Option<(f64, Measure)>,
+    pub error: Option<(f64, ErrorNorm)>,
     /// Seconds of the run.
     pub time: Option<f64>,
     /// Seconds that are left of them.

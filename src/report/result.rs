@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::analysis::Finding;
-use crate::film::{Film, Measure};
+use crate::film::{ErrorNorm, Film};
 use crate::filter::PictureError;
 use crate::progress::metric;
 use crate::render_loop::{Convergence, CurvePoint, Limits, Stop};
@@ -69,8 +69,8 @@ pub struct Report {
     #[serde(skip)]
     pub is_dark: bool,
     /// Which error is held against the target.
-    #[serde(default, skip_serializing_if = "Measure::is_usual")]
-    pub measure: Measure,
+    #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
+    pub measure: ErrorNorm,
     /// How wrong the filtered picture is, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<PictureError>,
@@ -169,8 +169,8 @@ impl Report {
         }
         let why = said("choice").filter(|_| integrator != "reference");
         lines.extend(why.map(|why| ("method", why.to_owned())));
-        for Finding { fact, why, .. } in &self.left_out {
-            lines.push(("left out", format!("{fact}: {why}")));
+        for Finding { name, reason, .. } in &self.left_out {
+            lines.push(("left out", format!("{name}: {reason}")));
         }
         let constant = self.convergence.constant_pixels;
         if 0 < constant && constant < pixels {
@@ -239,7 +239,7 @@ impl Report {
         if let Some(target) = asked("error") {
             let small = rmse.is_some_and(|rmse| rmse <= target);
             let met = small || stopped == Some(Stop::Error);
-            let Measure { relative, largest } = self.measure;
+            let ErrorNorm { relative, largest } = self.measure;
             let largest = if largest { "largest " } else { "" };
             let relative = if relative { "relative " } else { "" };
             let (error, not) =

@@ -50,21 +50,26 @@ impl<K: Intersector> Tracer<'_, K> {
                 if drawn == 0. {
                     continue;
                 }
-                let kept = self.kept(correction, samples, group, y, random);
-                let draws = (drawn * kept + random.random::<f64>()).floor();
+                let keep_probability = self.keep_probability(
+                    correction, samples, group, y, random,
+                );
+                let draws = (drawn * keep_probability
+                    + random.random::<f64>())
+                .floor();
                 if draws > 0. {
                     let found = self.radiance(correction, y, cell, random);
                     let error = found - f64::from(cell.value);
-                    let share = draws / kept * step * error / expected;
+                    let share =
+                        draws / keep_probability * step * error / expected;
                     self.share_error(samples, group, k, share, sums);
                 }
             }
         }
     }
 
-    /// The share of the draws at `y` that is kept, small where many of the
+    /// The share of the draws at `y` that is keep_probability, small where many of the
     /// group see it; the caller rounds the number by chance.
-    fn kept(
+    fn keep_probability(
         &mut self,
         correction: &Correction,
         samples: &[Sample],
@@ -166,10 +171,10 @@ impl<K: Intersector> Tracer<'_, K> {
         // Trace the rays that gather
         for n in 0..rays {
             let u = net.pair(key, n, 0);
-            let shot = self.shoot(x, self.cache.guide(cell), u);
-            let weight = shot.weight / f64::from(rays);
+            let ray = self.trace_gather_ray(x, self.cache.guide(cell), u);
+            let weight = ray.weight / f64::from(rays);
             let (cell, importance) = (UNSEEN, 0.);
-            match shot.end {
+            match ray.end {
                 End::Sky(radiance) => sum += weight * radiance,
                 End::Hit(hit) => {
                     ends.push(Candidate { hit, cell, weight, importance });
@@ -219,7 +224,8 @@ impl<K: Intersector> Tracer<'_, K> {
             // Let a weak path survive by chance
             let long =
                 if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };
-            let probability = (throughput / WEAK).min(1.) * long;
+            let probability =
+                (throughput / ROULETTE_THRESHOLD).min(1.) * long;
             if random.random::<f64>() >= probability {
                 break;
             }
@@ -270,4 +276,4 @@ struct Candidate {
 }
 
 /// The throughput below which roulette ends paths of corrections.
-const WEAK: f64 = 0.2;
+const ROULETTE_THRESHOLD: f64 = 0.2;

@@ -12,9 +12,9 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::cache::{Grid, RadianceCache, Record, WHOLE, in_sky};
-use super::{Allocation, End, Gather, Shot, Tracer};
+use super::{Allocation, End, Gather, GatherRay, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::film::{Film, Measure, Watch};
+use crate::film::{ErrorNorm, Film, Watch};
 use crate::sampler::generator;
 use crate::statistics::Accumulator;
 
@@ -22,7 +22,7 @@ use crate::statistics::Accumulator;
 const REFLECTIONS: usize = 7;
 
 /// Paths that are followed side by side.
-const ABREAST: u64 = 64;
+const BATCH: u64 = 64;
 
 /// Numbers the generators of training; those of tiles are smaller.
 const TRAINING: u64 = u64::MAX;
@@ -46,14 +46,14 @@ impl<K: Intersector> Tracer<'_, K> {
         while paths + self.rays < rays && watch(self.rays - told) {
             told = self.rays;
             // Begin some paths
-            let begun = (0..ABREAST).filter_map(|_| {
-                match self.look(random.random(), random.random()) {
+            let begun = (0..BATCH).filter_map(|_| {
+                match self.trace_primary(random.random(), random.random()) {
                     End::Hit(hit) => Some(hit),
                     End::Sky(_) => None,
                 }
             });
             let mut hits: Vec<_> = begun.collect();
-            paths += ABREAST;
+            paths += BATCH;
             for _ in 0..REFLECTIONS {
                 // Look up the cells of all hits
                 let look_up = |y: &Hit| {
@@ -65,8 +65,8 @@ impl<K: Intersector> Tracer<'_, K> {
                     visit(y.point);
                     // Record a reflection on the way
                     let u = [random.random(), random.random()];
-                    let Shot { weight, bin, end } =
-                        self.shoot(y, self.cache.guide(&cell), u);
+                    let GatherRay { weight, bin, end } = self
+                        .trace_gather_ray(y, self.cache.guide(&cell), u);
                     let (to, share) = match end {
                         End::Sky(radiance) => (in_sky(radiance), 1.),
                         End::Hit(hit) => {
@@ -91,13 +91,13 @@ impl<K: Intersector> Tracer<'_, K> {
 /// returns their rays; none if `watch`, which is told those of the others,
 /// stops one.
 fn find_together<T: Pod + Send>(
-    like: &Gather,
+    prototype: &Gather,
     pieces: usize,
     find: impl Fn(usize) -> (Vec<T>, u64) + Sync,
     found: &mut Vec<T>,
     watch: &Watch,
 ) -> Option<u64> {
-    let (place, of) = like.together.place();
+    let (place, of) = prototype.communicator.place();
     let share = pieces * place / of..pieces * (place + 1) / of;
     let (own, rays): (Vec<_>, Vec<_>) =
         share.into_par_iter().map(&find).unzip();
@@ -105,14 +105,14 @@ fn find_together<T: Pod + Send>(
     let rays = rays.iter().sum::<u64>();
     // Tell the others the rays and what was found
     let told = if watch(0) { bytes_of(&rays) } else { &[] };
-    let told = like.together.put(told, watch);
+    let told = prototype.communicator.all_gather(told, watch);
     let told = told.chunks_exact(size_of::<u64>());
     if told.len() < of {
         return None;
     }
     let all = told.map(pod_read_unaligned::<u64>).sum::<u64>();
     watch(all - rays);
-    let bytes = like.together.put(cast_slice(&own), watch);
+    let bytes = prototype.communicator.all_gather(cast_slice(&own), watch);
     let each = bytes.chunks_exact(size_of::<T>());
     found.extend(each.map(pod_read_unaligned::<T>));
     Some(all)
@@ -130,12 +130,12 @@ const LEAST_FALL: f32 = 0.036;
 /// Learns a cache with tracers like this one; returns it and the rays, or
 /// none if `watch`, which is told the rays, stops it.
 pub fn train<K: Intersector>(
-    like: &Tracer<K>,
+    prototype: &Tracer<K>,
     watch: &Watch,
 ) -> Option<(RadianceCache, u64)> {
-    let &Gather { view, seed, training: rays, .. } = like.gather;
+    let &Gather { view, seed, training: rays, .. } = prototype.gather;
     // Choose the grid after a first look
-    let mut scout = Tracer { rays: 0, ..*like };
+    let mut scout = Tracer { rays: 0, ..*prototype };
     let mut points = vec![];
     let visit = |point| points.push(point);
     scout.explore(rays.min(10_000), seed, u64::MAX, visit, watch);
@@ -146,12 +146,14 @@ pub fn train<K: Intersector>(
         let share = rays * percent / 100 / PIECES;
         let explore = |piece| {
             let piece = round * PIECES + piece as u64;
-            let mut tracer = Tracer { cache: &cache, rays: 0, ..*like };
+            let mut tracer =
+                Tracer { cache: &cache, rays: 0, ..*prototype };
             let records = tracer.explore(share, seed, piece, |_| (), watch);
             (records, tracer.rays)
         };
         let (all, pieces) = (&mut records, PIECES as usize);
-        traced += find_together(like.gather, pieces, explore, all, watch)?;
+        traced +=
+            find_together(prototype.gather, pieces, explore, all, watch)?;
         let before = cache.relative_error;
         cache = cache.learn(&mut records, view.surfaces.most as f32, watch);
         let now = cache.relative_error;
@@ -170,16 +172,16 @@ pub const PILOT_SAMPLES: u64 = 8;
 /// average, in proportion to the standard deviation that a pilot finds; and
 /// its rays. None if `watch`, which is told the rays, stops it.
 pub fn allocate<K: Intersector>(
-    like: &Tracer<K>,
+    prototype: &Tracer<K>,
     film: &Film,
     watch: &Watch,
 ) -> Option<(Allocation, u64)> {
-    let (window, mean) = (film.whole, film.replicate);
+    let (window, mean) = (film.run_window, film.net_size);
     // Render the scrambles of the pilot
     let tiles = film.all_tiles();
     let render = |k: usize| {
         let tile = tiles[k];
-        let mut tracer = Tracer { rays: 0, ..*like };
+        let mut tracer = Tracer { rays: 0, ..*prototype };
         let mut pixels = vec![Accumulator::default(); tile.area()];
         let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
         while let Some(scramble) = scrambles.next()
@@ -194,7 +196,7 @@ pub fn allocate<K: Intersector>(
     };
     let (count, mut found) = (tiles.len(), vec![]);
     let rays =
-        find_together(like.gather, count, render, &mut found, watch)?;
+        find_together(prototype.gather, count, render, &mut found, watch)?;
     // Sort what the pilot has found by rows
     let mut found = found.into_iter();
     let mut means = vec![0.; window.area()];
@@ -203,7 +205,7 @@ pub fn allocate<K: Intersector>(
         for (pixel, [mean, variance]) in
             (0..tile.area() as u32).zip(&mut found)
         {
-            let (_, _, number) = like.allocation.place(tile, pixel);
+            let (_, _, number) = prototype.allocation.place(tile, pixel);
             (means[number], variances[number]) = (mean, variance);
         }
     }
@@ -211,7 +213,7 @@ pub fn allocate<K: Intersector>(
     let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
     let deviations = deviations(window.size, &variances, &scale, watch);
-    let deviations = needs(deviations, &scale, like.gather.measure);
+    let deviations = needs(deviations, &scale, prototype.gather.norm);
     let middle = average(&deviations).max(f64::MIN_POSITIVE);
     let count = |d: &f64| {
         let share = (d / middle).clamp(0.1, 8.);
@@ -226,7 +228,7 @@ pub fn allocate<K: Intersector>(
 fn needs(
     deviations: Vec<f64>,
     scale: &[f64],
-    Measure { relative, largest }: Measure,
+    ErrorNorm { relative, largest }: ErrorNorm,
 ) -> Vec<f64> {
     let need = |(d, scale): (f64, &f64)| {
         let part = if relative { d / scale } else { d };
