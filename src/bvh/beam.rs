@@ -173,7 +173,7 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
     let alone = |ray: &Option<Ray>| ray.as_ref().and_then(&first_hit);
     let mut beam = Beam::default();
     let has_places = wide.nodes.len() <= u32::MAX as usize / N;
-    if !wide.gates.is_empty()
+    if !wide.frames.is_empty()
         || !has_places
         || beam.enclose(rays, &wide.region).is_none()
     {
@@ -212,7 +212,7 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
                             prepare(wide, ray, (None, NONE))
                         });
                     let (ways, leaf) = ((&*shear, &*margins), slots(child));
-                    // SAFETY: without gates, children with the bit LEAF are leaves; the
+                    // SAFETY: without nested frames, children with the bit LEAF are leaves; the
                     // processor has the instructions, says the caller.
                     let met = unsafe {
                         intersect_leaf::<K, N, true>(

@@ -12,7 +12,9 @@ use std::mem::MaybeUninit;
 
 use glam::DVec3;
 
-use super::triangle::{GATES, LANES, LEAF, NONE, edges, near, slot, slots};
+use super::triangle::{
+    FRAMES, LANES, LEAF, NONE, edges, near, slot, slots,
+};
 use super::triangle::{Leaf, Margins, Region, Search, Shear, TriangleTest};
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
@@ -264,8 +266,8 @@ pub fn prepare<'a, const N: usize>(
 /// The nearest of the triangles that a ray meets, other than the first of
 /// the slots. With `ANY`, the search ends as soon as another triangle than
 /// the second is the nearest. A `FAST` search gives none if it meets a doubt,
-/// or if `GATED` does not tell whether the hierarchy has gates: the caller then
-/// takes the next slower one.
+/// or if `NESTED` does not tell whether the hierarchy has nested frames: the
+/// caller then takes the next slower one.
 ///
 /// # Safety
 /// The processor has the instructions of `K`.
@@ -276,13 +278,13 @@ pub unsafe fn walk<
     const N: usize,
     const ANY: bool,
     const FAST: bool,
-    const GATED: bool,
+    const NESTED: bool,
 >(
     wide: &'a Wide<N>,
     ray: &Ray,
     (from, target): (Option<u32>, u32),
 ) -> Option<Search<'a>> {
-    if FAST && GATED == wide.gates.is_empty() {
+    if FAST && NESTED == wide.frames.is_empty() {
         return None;
     }
     let (mut search, shear, mut margins) =
@@ -305,7 +307,7 @@ pub unsafe fn walk<
         let slabs = Slabs::new(ray, &region);
         let mut t_max = search.limit(&margins) as f32;
         // Go from nodes to leaves
-        let gate = loop {
+        let frame = loop {
             while child & LEAF == 0 {
                 // Choose among the children entered
                 // SAFETY: children without the bit LEAF are numbers of nodes, and no
@@ -322,15 +324,16 @@ pub unsafe fn walk<
             }
             // Offer the leaf's triangles and go on
             let place = slots(child);
-            if GATED && place.0 >= GATES {
-                // Leave the region if the gate leads to something
-                let gate = &wide.gates[(place.0 - GATES) as usize];
-                if gate.node.is_none() || search.enters(&gate.region, ray) {
-                    break gate;
+            if NESTED && place.0 >= FRAMES {
+                // Leave the region if the nested frame is near
+                let frame = &wide.frames[(place.0 - FRAMES) as usize];
+                if frame.node.is_none() || search.enters(&frame.region, ray)
+                {
+                    break frame;
                 }
             } else {
                 let ways = (&shear, &margins);
-                // SAFETY: as above; children with the bit LEAF below the gates
+                // SAFETY: as above; children with the bit LEAF below `FRAMES`
                 // are leaves that are there.
                 let met = unsafe {
                     intersect_leaf::<K, N, FAST>(
@@ -350,17 +353,17 @@ pub unsafe fn walk<
             let Some(next) = stack.pop(t_max) else { break 'walk };
             child = next;
         };
-        // Go through a gate
-        region = gate.region;
-        margins = region.beyond_gate(ray.origin, search.root);
+        // Change the frame
+        region = frame.region;
+        margins = region.nested_margins(ray.origin, search.root);
         margins.near = margins.near.max(near(search.size));
-        if gate.node.is_some() {
+        if frame.node.is_some() {
             search.pass(&region, &margins);
             // SAFETY: no hierarchy is so deep that one is not left.
             unsafe { stack.push(child + 1, 0.) };
         }
         let waits = || stack.pop(search.limit(&margins) as f32);
-        let Some(next) = gate.node.or_else(waits) else { break };
+        let Some(next) = frame.node.or_else(waits) else { break };
         child = next;
     }
     Some(search)

@@ -177,15 +177,15 @@ impl Region {
         Margins::new(size(beyond + side, point), side)
     }
 
-    /// The same beyond a gate, given the size of the outermost margins.
+    /// The same in a nested frame, given the size of the outermost margins.
     #[inline(always)]
-    pub fn beyond_gate(&self, point: DVec3, root: f64) -> Margins {
+    pub fn nested_margins(&self, point: DVec3, root: f64) -> Margins {
         let size = COARSER * self.margins(point).size;
         Margins::new(size.min(root), 2. * self.reach)
     }
 }
 
-/// How much larger margins are beyond gates, at most: 2^20.
+/// How much larger margins are in nested frames, at most: 2^20.
 const COARSER: f64 = (1 << 20) as f64;
 
 /// Triangles in a leaf at most.
@@ -203,8 +203,8 @@ const WORDS: usize = 19;
 /// Marks the number of a child as that of a leaf.
 pub const LEAF: u32 = 1 << 31;
 
-/// Leaves from this number on are gates.
-pub const GATES: u32 = (1 << 29) - (1 << 20);
+/// Leaves from this number on are nested frames.
+pub const FRAMES: u32 = (1 << 29) - (1 << 20);
 
 /// The units that leaves of `count` triangles take.
 pub fn units(count: usize) -> u32 {
@@ -284,11 +284,12 @@ pub fn write(words: &mut [u32], triangles: &[(u32, Triangle)]) {
     words[0] |= (count as u32 - 1) << 30;
 }
 
-/// A way into or out of a cluster that is so small beside its region that
-/// padding would swallow it: beyond, boxes count from the cluster's middle.
+/// The frame of a cluster that is so small beside its region that padding
+/// would swallow it: inside, boxes count from the cluster's middle. Or the way
+/// back to the outer frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Gate {
-    /// The one to which it leads.
+pub struct NestedFrame {
+    /// The region around its triangles, or the outer one.
     pub region: Region,
     /// The child with which the search goes on there; none if it goes back.
     pub node: Option<u32>,
@@ -473,7 +474,7 @@ pub struct Search<'a> {
     pub size: f64,
     /// That of the region of all triangles.
     pub root: f64,
-    /// That of the least margins beyond gates that the ray went through,
+    /// That of the least margins of nested frames that the ray has entered,
     pub least: f64,
     /// and the box around the regions there.
     pub passed: [DVec3; 2],
@@ -597,7 +598,7 @@ impl<'a> Search<'a> {
             && along + DIAGONAL * half >= -near
     }
 
-    /// Notes that the ray goes through a gate.
+    /// Notes that the ray enters a nested frame.
     #[inline(always)]
     pub fn pass(&mut self, region: &Region, margins: &Margins) {
         let [low, high] = self.passed;

@@ -5,7 +5,8 @@
 //!
 //! Boxes are in single precision, counted from the middle of a region,
 //! and padded. Node 0 is the root. Every other node and every leaf is
-//! the child of exactly one node, or what one gate leads to.
+//! the child of exactly one node, or the root of one nested
+//! frame.
 
 use std::{fmt, io, iter, mem};
 
@@ -17,8 +18,10 @@ use obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
 use obvhs::ploc::morton::morton_encode_u64_unorm;
 use rayon::prelude::*;
 
-use super::triangle::{GATES, LANES, LEAF, UNIT, leaf, slot, slots, units};
-use super::triangle::{Gate, Leaf, Leaves, Region, write};
+use super::triangle::{
+    FRAMES, LANES, LEAF, UNIT, leaf, slot, slots, units,
+};
+use super::triangle::{Leaf, Leaves, NestedFrame, Region, write};
 use crate::memory::reserved;
 use crate::numerics::bounds;
 use crate::scene::{Triangle, Triangles};
@@ -295,7 +298,7 @@ struct Forest<const N: usize> {
     costs: [f32; N],
     /// How many trees it can be at most: min(n, N).
     most: usize,
-    /// How many triangles it has; more than `LANES` beyond a gate.
+    /// How many triangles it has; more than `LANES` in a nested frame.
     count: usize,
 }
 
@@ -359,7 +362,7 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices> {
         let (first, area) =
             (node.first_index as usize, node.aabb().half_area());
         if node.is_leaf() {
-            let count = if gate(node).is_some() { LANES } else { 1 };
+            let count = if nested(node).is_some() { LANES } else { 1 };
             forests.push(Forest { costs: [area; N], most: 1, count });
         } else if !is_second_visit {
             todo.extend([(i, true), (first + 1, false), (first, false)]);
@@ -403,11 +406,11 @@ const COMPACT: f32 = 1. / 256.;
 /// and have more triangles than this.
 const FEW: usize = 4;
 
-/// Leaves of the binary tree from this number on are gates.
+/// Leaves of the binary tree from this number on are nested frames.
 const CUT: u32 = 1 << 30;
 
-/// The number of a gate, from 0, if the node is one.
-fn gate(node: &Bvh2Node) -> Option<u32> {
+/// The number of a nested frame, from 0, if the node is one.
+fn nested(node: &Bvh2Node) -> Option<u32> {
     node.is_leaf().then(|| node.first_index.checked_sub(CUT))?
 }
 
@@ -427,7 +430,7 @@ fn cut_off(
         if node.is_leaf() || groups.len() == most {
             continue;
         }
-        // Put a gate in the place of a small subtree
+        // Replace a small subtree by a nested frame
         let small = |leaf: Bvh2Node| extent(&leaf) < SMALL * side;
         if extent(&node) >= COMPACT * side || !leaves(tree, i).all(small) {
             todo.extend([node.first_index + 1, node.first_index]);
@@ -444,8 +447,8 @@ fn cut_off(
     groups
 }
 
-/// Ways through gates that there can be.
-const WAYS: usize = (1 << 29) - GATES as usize;
+/// Ways in and out of nested frames that there can be.
+const WAYS: usize = (1 << 29) - FRAMES as usize;
 
 /// A tree with up to `N` children a node and four triangles a leaf.
 pub struct Wide<const N: usize> {
@@ -454,7 +457,7 @@ pub struct Wide<const N: usize> {
     /// The triangles.
     pub leaves: Leaves,
     /// Each with the way back after it.
-    pub gates: Vec<Gate>,
+    pub frames: Vec<NestedFrame>,
     /// That of all triangles.
     pub region: Region,
 }
@@ -464,8 +467,8 @@ impl<const N: usize> Wide<N> {
     fn empty(count: usize, region: Region) -> io::Result<Self> {
         let nodes = reserved(2 * count / N)?;
         let words = reserved(UNIT * units(1) as usize * count)?;
-        let (leaves, gates) = (Leaves { words }, vec![]);
-        Ok(Self { nodes, leaves, gates, region })
+        let (leaves, frames) = (Leaves { words }, vec![]);
+        Ok(Self { nodes, leaves, frames, region })
     }
 
     /// The nodes and leaves of a group, cut from its binary tree, and how
@@ -498,15 +501,15 @@ impl<const N: usize> Wide<N> {
     }
 
     /// Writes the triangles below a node of the binary tree into a leaf,
-    /// unless there is a gate. Returns the number of the child.
+    /// unless it is a nested frame. Returns the number of the child.
     fn add_leaf(
         &mut self,
         group: &Group,
         tree: &[Bvh2Node],
         i: u32,
     ) -> u32 {
-        if let Some(number) = gate(&tree[i as usize]) {
-            return leaf(GATES + 2 * number, 1);
+        if let Some(number) = nested(&tree[i as usize]) {
+            return leaf(FRAMES + 2 * number, 1);
         }
         let own = leaves(tree, i).map(|leaf| {
             let face = group.corners[leaf.first_index as usize].1;
@@ -524,7 +527,7 @@ impl<const N: usize> Wide<N> {
     }
 
     /// The tree of a group, under so many levels of nodes, with room for so
-    /// many ways through gates.
+    /// many ways in and out of nested frames.
     fn of(
         group: &Group,
         quality: Quality,
@@ -545,32 +548,32 @@ impl<const N: usize> Wide<N> {
         }
         above += levels;
         drop(tree);
-        // Build what is beyond the gates
-        let back = Gate { region: group.region, node: None };
-        wide.gates.resize(2 * beyond.len(), back);
+        // Build the nested frames
+        let back = NestedFrame { region: group.region, node: None };
+        wide.frames.resize(2 * beyond.len(), back);
         for (number, corners) in beyond.iter().enumerate() {
             let region = region(group.vertices, corners);
             let inner = Group { corners, region, ..*group };
-            let left = ways - wide.gates.len();
+            let left = ways - wide.frames.len();
             let inner = Self::of(&inner, quality, above, left)?;
             let node = Some(wide.append(inner)?);
-            wide.gates[2 * number] = Gate { region, node };
+            wide.frames[2 * number] = NestedFrame { region, node };
         }
         Ok(wide)
     }
 
-    /// Adds the nodes, leaves and gates of another tree; the number of its
-    /// root.
+    /// Adds the nodes, leaves and nested frames of another tree; the number of
+    /// its root.
     fn append(&mut self, mut other: Self) -> io::Result<u32> {
         if self.nodes.is_empty() {
             *self = other;
             return Ok(0);
         }
-        let (node, gate) =
-            (self.nodes.len() as u32, self.gates.len() as u32);
+        let (node, frame) =
+            (self.nodes.len() as u32, self.frames.len() as u32);
         let words = [&self.leaves, &other.leaves].map(|l| l.words.len());
         let [unit, more] = words.map(|words| words / UNIT);
-        if unit + more > GATES as usize {
+        if unit + more > FRAMES as usize {
             return Err(io::Error::other("too many triangles"));
         }
         // Shift the numbers of another tree
@@ -578,16 +581,16 @@ impl<const N: usize> Wide<N> {
         for child in children.filter(|child| **child != 0) {
             *child += match slots(*child).0 {
                 _ if *child & LEAF == 0 => node,
-                first if first < GATES => unit as u32,
-                _ => gate,
+                first if first < FRAMES => unit as u32,
+                _ => frame,
             };
         }
         let roots =
-            other.gates.iter_mut().filter_map(|gate| gate.node.as_mut());
+            other.frames.iter_mut().filter_map(|frame| frame.node.as_mut());
         roots.for_each(|root| *root += node);
         self.nodes.append(&mut other.nodes);
         self.leaves.words.append(&mut other.leaves.words);
-        self.gates.append(&mut other.gates);
+        self.frames.append(&mut other.frames);
         Ok(node)
     }
 
@@ -750,15 +753,15 @@ impl<const N: usize> Wide<N> {
         if child & LEAF != 0 {
             // Ask about each triangle of the leaf
             let (first, count) = slots(child);
-            if first >= GATES {
-                // Go on beyond the gate
-                let gate = (first - GATES) as usize;
-                let Gate { region, node } = self.gates[gate];
+            if first >= FRAMES {
+                // Go on in the nested frame
+                let frame = (first - FRAMES) as usize;
+                let NestedFrame { region, node } = self.frames[frame];
                 return node.is_some_and(|root| {
                     self.any((root, region), within, enters, asked)
                 });
             }
-            // SAFETY: leaves that are no gates are leaves that are there.
+            // SAFETY: leaves that are no nested frames are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
             return (0..count as u32).any(|lane| {
                 let place = (lane as usize, slot(first, lane));
