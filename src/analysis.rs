@@ -43,7 +43,7 @@ pub struct SceneAnalysis {
     /// has left out already.
     pub findings: Vec<Finding>,
     /// What is known of the image before it is rendered.
-    pub known: KnownPixels,
+    pub known_pixels: KnownPixels,
 }
 
 /// What is shown of a scene: the view, the light and the surfaces. The
@@ -71,22 +71,22 @@ impl SceneAnalysis {
         kept: &[&str],
     ) -> Self {
         let mut findings = of_the_scene(left_out);
-        let mut known = KnownPixels::default();
+        let mut known_pixels = KnownPixels::default();
         for name in SHORTCUTS {
             // Look for one shortcut if it is wanted
             let (found, reason) = match name {
                 _ if kept.contains(&name) => {
                     (None, "kept, and not looked for".to_owned())
                 }
-                _ if known.is_all() => break,
+                _ if known_pixels.is_all() => break,
                 "dark" => dark(intersector, view),
                 _ => background(intersector, view),
             };
             let (applies, name) = (found.is_some(), name.to_owned());
             findings.push(Finding { name, applies, reason });
-            known = found.unwrap_or(known);
+            known_pixels = found.unwrap_or(known_pixels);
         }
-        Self { findings, known }
+        Self { findings, known_pixels }
     }
 
     /// What was left out of the image or its work, in words.
@@ -129,9 +129,10 @@ fn dark(intersector: &Bvh, view: &LitView) -> Found {
     let is_shut = |_: &_| !lets_out(entrance, intersector);
     let place = entrance.place().filter(is_shut);
     let dark = place.map_or(Ok(false), |place| {
-        let mut all = intersector.triangles();
-        all.par_sort_by_key(|&(face, _)| face);
-        let (faces, triangles): (Vec<_>, Vec<_>) = all.into_iter().unzip();
+        let mut triangles = intersector.triangles();
+        triangles.par_sort_by_key(|&(face, _)| face);
+        let (faces, triangles): (Vec<_>, Vec<_>) =
+            triangles.into_iter().unzip();
         is_inside(&triangles, place).map_err(|i| faces[i as usize])
     });
     let reason = match dark {
@@ -142,8 +143,8 @@ fn dark(intersector: &Bvh, view: &LitView) -> Found {
         Ok(false) => "no closed surface around the camera",
         Err(face) => &format!("too close to tell: face {}", face + 1),
     };
-    let known = || KnownPixels::dark(view.resolution);
-    ((dark == Ok(true)).then(known), reason.to_owned())
+    let black = || KnownPixels::dark(view.resolution);
+    ((dark == Ok(true)).then(black), reason.to_owned())
 }
 
 /// Which tiles see no triangle.

@@ -421,7 +421,7 @@ impl Film {
     pub fn counts_of(
         &self,
         window: Window,
-        own: Option<&[u32]>,
+        net_sizes: Option<&[u32]>,
     ) -> Vec<f64> {
         let counts = self.values(window, 0., |_, p| p.count() as f64);
         let (run, (left, top)) = (self.run_window, window.corner);
@@ -431,7 +431,8 @@ impl Film {
             (y - run.corner.1) * run.size.0 + x - run.corner.0
         };
         let each = |i| {
-            own.map_or(self.net_size, |own| own[at(i) as usize].into())
+            net_sizes
+                .map_or(self.net_size, |sizes| sizes[at(i) as usize].into())
                 as f64
         };
         (0..).zip(counts).map(|(i, count)| count * each(i)).collect()
@@ -486,16 +487,16 @@ impl Film {
             let place = self.place(tile.corner.0, tile.corner.1);
             let Tile { start, size, .. } = self.tiles[place];
             assert_eq!(size, tile.size, "the tile at {:?}", tile.corner);
-            let own = &mut self.pixels[start..];
+            let sums = &mut self.pixels[start..];
             let more = &part.pixels[tile.start..][..tile.area()];
-            own.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
+            sums.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
             if let Some(mean) = part.tile_means.get(number) {
                 self.tile_means[place].merge(mean);
             }
             if !self.halves.is_empty() {
-                let own = &mut self.halves[start..];
+                let halves = &mut self.halves[start..];
                 let more = &part.halves[tile.start..][..tile.area()];
-                add_halves(own, more);
+                add_halves(halves, more);
             }
         }
     }
@@ -549,12 +550,12 @@ impl Film {
         let tiles = tiles.iter().zip(means).map(|(tile, mean)| {
             (tile.area() as f64 * mean.standard_error()).powi(2)
         });
-        let all = if means.is_empty() { squares } else { tiles.sum() };
+        let square = if means.is_empty() { squares } else { tiles.sum() };
         let n = self.area() as f64;
         let sampled = self.area() - self.unsampled();
         Summary {
             mean: radiance / sampled.max(1) as f64,
-            mean_stderr: f64::sqrt(all) / n,
+            mean_stderr: f64::sqrt(square) / n,
             rmse: (squares / n).sqrt(),
             constant: constant as u64,
         }
@@ -583,10 +584,10 @@ fn along_curve(side: u32, mut x: u32, mut y: u32) -> u64 {
 /// The numbers below `n`, such that those before any place are spread
 /// evenly (van der Corput 1935).
 fn van_der_corput(n: usize) -> impl Iterator<Item = usize> {
-    let all = 0..n.next_power_of_two();
-    let bits = all.end.trailing_zeros();
+    let indices = 0..n.next_power_of_two();
+    let bits = indices.end.trailing_zeros();
     let reversed = move |i: usize| i.reverse_bits().rotate_left(bits);
-    all.map(reversed).filter(move |&i| i < n)
+    indices.map(reversed).filter(move |&i| i < n)
 }
 
 /// What is known about an image as a whole.
@@ -626,15 +627,15 @@ impl Film {
         window: Window,
     ) -> Vec<DVec2> {
         // Compute the variances of the window and its frame
-        let all = window.grown(REACH, self.window);
+        let frame = window.grown(REACH, self.window);
         let variances =
-            self.values(all, f64::INFINITY, |_, p| p.variance());
+            self.values(frame, f64::INFINITY, |_, p| p.variance());
         let counts = self.values(window, 0., |_, p| p.count() as f64);
         let (width, columns) =
-            (all.size.0 as usize, window.size.0 as usize);
+            (frame.size.0 as usize, window.size.0 as usize);
         let rows: Vec<&[f64]> = variances.chunks(width).collect();
-        let left = (window.corner.0 - all.corner.0) as usize;
-        let top = (window.corner.1 - all.corner.1) as usize;
+        let left = (window.corner.0 - frame.corner.0) as usize;
+        let top = (window.corner.1 - frame.corner.1) as usize;
         let near = |i: usize, end: usize| {
             i.saturating_sub(REACH as usize)
                 ..(i + REACH as usize + 1).min(end)
@@ -646,24 +647,24 @@ impl Film {
             for row in &rows[near(y, rows.len())] {
                 for (sum, &variance) in sums.iter_mut().zip(*row) {
                     let counts = variance.is_finite();
-                    let known = DVec2::new(variance, 1.);
-                    *sum += if counts { known } else { DVec2::ZERO };
+                    let term = DVec2::new(variance, 1.);
+                    *sum += if counts { term } else { DVec2::ZERO };
                 }
             }
             for (x, n) in (left..).zip(counts) {
                 // Compute the error of a pixel
-                let own = rows[y][x];
+                let seen = rows[y][x];
                 let square: DVec2 = sums[near(x, width)].iter().sum();
                 let [sum, count] =
-                    (square - DVec2::new(own, 1.)).to_array();
+                    (square - DVec2::new(seen, 1.)).to_array();
                 let alone = count == 0. || self.is_list;
-                let variance = if alone || !own.is_finite() {
-                    own
+                let variance = if alone || !seen.is_finite() {
+                    seen
                 } else {
-                    ((n - 1.) * own + worth * (sum / count))
+                    ((n - 1.) * seen + worth * (sum / count))
                         / (n - 1. + worth)
                 };
-                errors.push(DVec2::new((variance / n).sqrt(), own));
+                errors.push(DVec2::new((variance / n).sqrt(), seen));
             }
         }
         errors

@@ -112,10 +112,10 @@ pub trait Communicator: Sync {
     /// waits, and waits on whatever that says.
     fn all_gather<'a>(
         &self,
-        own: &'a [u8],
+        bytes: &'a [u8],
         _watch: &Watch,
     ) -> Cow<'a, [u8]> {
-        own.into()
+        bytes.into()
     }
 }
 
@@ -157,7 +157,8 @@ impl<'a> PathTracer<'a> {
     pub fn control_variate(&self, hit: &Hit, direction: DVec3) -> f64 {
         let Self { surfaces, sky, .. } = self;
         let albedo = surfaces.albedo(hit.primitive);
-        albedo * (sky.share(hit.normal) - sky.radiance(direction))
+        albedo
+            * (sky.irradiance_ratio(hit.normal) - sky.radiance(direction))
     }
 }
 

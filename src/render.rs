@@ -33,7 +33,7 @@ pub struct Job<'a, K, E, S = IndependentSampler> {
     /// What is averaged.
     pub integrator: E,
     /// What is known of the image beforehand.
-    pub known: &'a KnownPixels,
+    pub known_pixels: &'a KnownPixels,
     /// Chooses the random numbers.
     pub sampler: S,
 }
@@ -99,8 +99,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             return None;
         }
         let (count, mut rays) = (values.end - values.start, 0);
-        let known = self.job.known.content(tile.corner);
-        if let TileContent::Constant(sample) = known {
+        let content = self.job.known_pixels.content(tile.corner);
+        if let TileContent::Constant(sample) = content {
             pixels.iter_mut().for_each(|p| p.add_times(sample, count));
             // Add a known value to both halves
             for number in values.start..values.end.min(values.start + 2) {
@@ -118,11 +118,11 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             };
             let parts = (0..count.div_ceil(size)).into_par_iter();
             let done: Option<Vec<_>> = parts.map(render).collect();
-            for (own, own_halves, more) in done? {
-                for (pixel, own) in pixels.iter_mut().zip(&own) {
-                    pixel.merge(own);
+            for (part, part_halves, more) in done? {
+                for (pixel, sum) in pixels.iter_mut().zip(&part) {
+                    pixel.merge(sum);
                 }
-                add_halves(halves, &own_halves);
+                add_halves(halves, &part_halves);
                 rays += more;
             }
         }
@@ -153,13 +153,13 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         let mut halves = vec![HalfBuffers::default(); kept];
         let mut rays = 0;
         for value in values {
-            let (own, more) =
+            let (net, more) =
                 trace(value * net_size..(value + 1) * net_size)?;
-            for (sum, own) in sums.iter_mut().zip(&own) {
-                sum.add(own.mean());
+            for (sum, net) in sums.iter_mut().zip(&net) {
+                sum.add(net.mean());
             }
-            for (halves, own) in halves.iter_mut().zip(&own) {
-                add_value(halves, value, [own.mean(), 0.]);
+            for (halves, net) in halves.iter_mut().zip(&net) {
+                add_value(halves, value, [net.mean(), 0.]);
             }
             rays += more;
         }
@@ -178,7 +178,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         tile: Tile,
         pixels: &mut [Accumulator],
     ) -> u64 {
-        let Job { sensor, known, integrator, .. } = self.job;
+        let Job { sensor, known_pixels, integrator, .. } = self.job;
         // Choose a point of the image for each path
         let (width, _) = self.resolution;
         let mut places = [None; BEAM];
@@ -191,7 +191,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             places[i] = Some(((x, y), sampler.get_pixel_2d()));
             Some((pixel, sampler))
         });
-        let sees_sky = known.content(tile.corner) == TileContent::Sky;
+        let sees_sky =
+            known_pixels.content(tile.corner) == TileContent::Sky;
         let Starts { directions, hits, rays } =
             sensor.starts(intersector, &places, self.resolution, sees_sky);
         for i in 0..BEAM {

@@ -245,7 +245,7 @@ fn run(
     let seconds = output.seconds_to_write(run.0.area());
     let measure = output.known.report.measure;
     let limits = Limits {
-        samples: goal.or(analysis.known.is_all().then_some(2)),
+        samples: goal.or(analysis.known_pixels.is_all().then_some(2)),
         deadline,
         reserve: seconds.map(|seconds| seconds.min(most)),
         error: options.target().map(|(error, _)| error),
@@ -879,7 +879,7 @@ fn build(
     let report = &mut world.report;
     report.settings = entries(&world.subject);
     report.left_out = analysis.left_out().cloned().collect();
-    let (known, all) = analysis.known.count();
+    let (known, all) = analysis.known_pixels.count();
     let why = report.left_out.last().filter(|_| 0 < all && known == all);
     why.iter().for_each(|found| progress::warn(&found.reason));
     let quality = quality.to_string();
@@ -903,7 +903,7 @@ fn explain(
     }
     // Name the parts that do the rest
     let why = choice.map_or(method.to_string(), |why| why.to_string());
-    let parts = match analysis.known.is_all() {
+    let parts = match analysis.known_pixels.is_all() {
         true => "none: no ray".to_owned(),
         false => format!("{}; {method}", options.isa()),
     };

@@ -82,7 +82,7 @@ impl Sky {
 
     /// What a surface with this unit normal gets if nothing is in the way,
     /// in units of what a horizontal one gets: in [0, 1].
-    pub fn share(&self, normal: DVec3) -> f64 {
+    pub fn irradiance_ratio(&self, normal: DVec3) -> f64 {
         let cosine = self.zenith.dot(normal).clamp(-1., 1.);
         let uniform = 0.5 + 0.5 * cosine;
         match self.cover {

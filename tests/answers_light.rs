@@ -127,7 +127,13 @@ fn settled(to_itself: usize) -> f64 {
     let grid = Grid::around(&[]);
     let (p, normal) = (DVec3::splat(0.5), DVec3::Z);
     let from = grid.name(p, normal);
-    let sky = Record { from, to: SKY, weight: 1., bin: 0, share: WHOLE };
+    let sky = Record {
+        from,
+        to: SKY,
+        weight: 1.,
+        bin: 0,
+        relative_albedo: WHOLE,
+    };
     let mut records = vec![sky];
     records.resize(1 + to_itself, Record { to: from, ..sky });
     let cache =
@@ -151,7 +157,13 @@ fn believer(value: f32) -> RadianceCache {
         for normal in DVec3::AXES.into_iter().flat_map(|a| [a, -a]) {
             let from = grid.name(DVec3::new(x, y, z), normal);
             let (to, bin, share) = (SKY, 0, WHOLE);
-            records.push(Record { from, to, weight: value, bin, share });
+            records.push(Record {
+                from,
+                to,
+                weight: value,
+                bin,
+                relative_albedo: share,
+            });
         }
     }
     RadianceCache::empty(grid).learn(&mut records, 1., &|_| true)
@@ -392,7 +404,8 @@ fn a_ninth_of_a_sphere_lets_out_half_of_the_light() {
 
 #[test]
 fn a_wall_above_a_plain_gets_half_of_its_light_from_there() {
-    let wall = |cover| Sky::with(DVec3::Z, cover).share(DVec3::X) + 0.1;
+    let wall =
+        |cover| Sky::with(DVec3::Z, cover).irradiance_ratio(DVec3::X) + 0.1;
     near(wall(Cover::Uniform), 0.6, 1e-12);
     near(wall(Cover::Overcast), 0.496, 5e-4);
 }

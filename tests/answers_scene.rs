@@ -92,7 +92,7 @@ fn the_longest_component_of_up_is_the_zenith() {
     let zenith = |a, b, c| {
         let sky = Sky::new(DVec3::new(a, b, c));
         let mut axes = [x, y, z, -x, -y, -z].into_iter();
-        axes.find(|&axis| sky.share(axis) == 1.).unwrap()
+        axes.find(|&axis| sky.irradiance_ratio(axis) == 1.).unwrap()
     };
     assert_eq!(zenith(-3., 2., 1.), -DVec3::X);
     assert_eq!(zenith(1., 1., 0.5), DVec3::Y);

@@ -293,7 +293,10 @@ fn at(cache: &RadianceCache, p: DVec3, normal: DVec3) -> Cell {
 /// So many records of one value, from a cell.
 fn told(from: u64, value: f32, count: usize) -> Vec<Record> {
     let (to, bin, share) = (SKY, 0, WHOLE);
-    vec![Record { from, to, weight: value, bin, share }; count]
+    vec![
+        Record { from, to, weight: value, bin, relative_albedo: share };
+        count
+    ]
 }
 
 #[test]
@@ -489,7 +492,8 @@ fn lie(
             let [row, column] = [0; 2].map(|_| random.random_range(0..4));
             let bin = 66 + 16 * row + column;
             let (to, share) = (SKY, WHOLE);
-            let sky = Record { from, to, weight, bin, share };
+            let sky =
+                Record { from, to, weight, bin, relative_albedo: share };
             let bin = random.random_range(0..BINS as u16);
             let dark = Record { to: DARKNESS, weight: 1., bin, ..sky };
             records.push(if i % 10 == 0 { sky } else { dark });
@@ -716,7 +720,7 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     let gathered = |known: &KnownPixels| {
         let gather = stage.gather(5);
         let view = LitView { sensor, ..gather.view };
-        let gather = Gather { known, view, ..gather };
+        let gather = Gather { known_pixels: known, view, ..gather };
         let mut tracer = tracer(&gather, &cache, &allocation);
         (tracer.tile(tile, 0)[0].clone(), tracer.rays)
     };

@@ -56,9 +56,9 @@ static WORLD: LazyLock<Setting> = LazyLock::new(|| {
 /// What the integrator makes of the inside of that sphere, which it does not
 /// see.
 fn job<E>(integrator: E, seed: u64) -> Job<'static, Nothing, E> {
-    let Job { sensor, known, sampler, .. } = WORLD.job(seed);
+    let Job { sensor, known_pixels, sampler, .. } = WORLD.job(seed);
     let intersector = &Nothing;
-    Job { sensor, intersector, integrator, known, sampler }
+    Job { sensor, intersector, integrator, known_pixels, sampler }
 }
 
 /// No limit but a number that no correct run of these tests reaches.

@@ -352,7 +352,7 @@ impl Setting {
         Gather {
             view: self.view(resolution),
             intersector: &self.intersector,
-            known: KnownPixels::NOTHING,
+            known_pixels: KnownPixels::NOTHING,
             seed: 0,
             norm: ErrorNorm::default(),
             training: 1 << 16,
@@ -365,9 +365,9 @@ impl Setting {
     /// The job that renders it.
     pub fn job(&self, seed: u64) -> Job<'_, Bvh, PathTracer<'_>> {
         let &Self { ref sensor, ref intersector, integrator } = self;
-        let known = KnownPixels::NOTHING;
+        let known_pixels = KnownPixels::NOTHING;
         let sampler = IndependentSampler::new(seed);
-        Job { sensor, intersector, integrator, known, sampler }
+        Job { sensor, intersector, integrator, known_pixels, sampler }
     }
 }
 

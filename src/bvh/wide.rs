@@ -157,10 +157,10 @@ fn binary(group: &Group, quality: Quality) -> Vec<Bvh2Node> {
     });
     let mut tree = join(nodes, 6, 2);
     // Improve the binary tree
-    let share = (MOST_BOXES / expected_boxes(&tree.nodes)).min(1.);
+    let part = (MOST_BOXES / expected_boxes(&tree.nodes)).min(1.);
     if tree.max_depth <= DEFAULT_MAX_STACK_DEPTH {
         let mut optimizer = ReinsertionOptimizer::default();
-        optimizer.run(&mut tree, quality.0 * share, None);
+        optimizer.run(&mut tree, quality.0 * part, None);
     }
     tree.nodes
 }
@@ -171,8 +171,8 @@ fn in_morton_order(group: &Group) -> Vec<u32> {
     let leaf = |i: u32| group.single(i);
     let numbers = (0..group.corners.len() as u32).into_par_iter();
     let boxes = numbers.clone().map(|i| *leaf(i).aabb());
-    let all = boxes.reduce(Aabb::empty, |a, b| a.union(&b));
-    let (low, size) = (all.min.as_dvec3(), all.diagonal().as_dvec3());
+    let extent = boxes.reduce(Aabb::empty, |a, b| a.union(&b));
+    let (low, size) = (extent.min.as_dvec3(), extent.diagonal().as_dvec3());
     // Sort the triangles by their codes
     let key = |i| {
         let middle = leaf(i).aabb().center().as_dvec3();
@@ -252,8 +252,8 @@ fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
     stretches.for_each(|(k, partners)| {
         let start = k * stretch;
         let end = start + partners.len();
-        let own = start as u32..end as u32;
-        partners.iter_mut().zip(own).for_each(|(place, i)| *place = i);
+        let numbers = start as u32..end as u32;
+        partners.iter_mut().zip(numbers).for_each(|(place, i)| *place = i);
         let mut best = vec![f32::INFINITY; partners.len()];
         // Compare each cluster with those after it
         for i in start.saturating_sub(reach)..end {
@@ -262,8 +262,8 @@ fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
                 // Offer two clusters to each other
                 let union = clusters[i].aabb().union(clusters[j].aabb());
                 let area = union.half_area();
-                for (own, other) in [(i, j), (j, i)] {
-                    let place = own.wrapping_sub(start);
+                for (cluster, other) in [(i, j), (j, i)] {
+                    let place = cluster.wrapping_sub(start);
                     if place < best.len() && area < best[place] {
                         best[place] = area;
                         partners[place] = other as u32;
@@ -334,7 +334,8 @@ impl<const N: usize> Forest<N> {
             }
         }
         let choices = choices.into_iter().rev();
-        let choices = choices.fold(0, |all, a| all << 4 | Choices::from(a));
+        let choices =
+            choices.fold(0, |packed, a| packed << 4 | Choices::from(a));
         (Self { costs, most, count }, choices)
     }
 }
@@ -511,19 +512,19 @@ impl<const N: usize> Wide<N> {
         if let Some(number) = nested(&tree[i as usize]) {
             return leaf(FRAMES + 2 * number, 1);
         }
-        let own = leaves(tree, i).map(|leaf| {
+        let triangles = leaves(tree, i).map(|leaf| {
             let face = group.corners[leaf.first_index as usize].1;
             (face, group.triangle(leaf.first_index))
         });
-        let mut own: Vec<_> = own.collect();
-        own.sort_unstable_by_key(|(face, corners)| {
+        let mut triangles: Vec<_> = triangles.collect();
+        triangles.sort_unstable_by_key(|(face, corners)| {
             (*face, corners.map(|p| p.to_array().map(f64::to_bits)))
         });
         let words = &mut self.leaves.words;
         let start = words.len();
-        words.resize(start + UNIT * units(own.len()) as usize, 0);
-        write(&mut words[start..], &own);
-        leaf((start / UNIT) as u32, own.len())
+        words.resize(start + UNIT * units(triangles.len()) as usize, 0);
+        write(&mut words[start..], &triangles);
+        leaf((start / UNIT) as u32, triangles.len())
     }
 
     /// The tree of a group, under so many levels of nodes, with room for so
@@ -539,8 +540,8 @@ impl<const N: usize> Wide<N> {
         let (mut wide, mut levels) = Self::fill(group, &tree)?;
         // Balance the tree if it does not fit the stack
         let fits = |levels| N * (above + levels) + N <= STACK;
-        let share = if beyond.is_empty() { 1 } else { 2 };
-        if !fits(share * levels) {
+        let trees = if beyond.is_empty() { 1 } else { 2 };
+        if !fits(trees * levels) {
             (wide, levels) = Self::fill(group, &balance(&tree))?;
         }
         if !fits(levels) {
@@ -636,7 +637,7 @@ impl<const N: usize> Wide<N> {
         wide.nodes.resize(tops, Node::EMPTY);
         let mut roots: Vec<_> = (1..tops as u32).collect();
         // Build as many parts at a time as there are threads
-        let groups = groups.into_par_iter().map(|own| own.to_vec());
+        let groups = groups.into_par_iter().map(|corners| corners.to_vec());
         let mut groups: Vec<_> = groups.collect();
         drop(corners);
         let mut count = 0;
@@ -662,8 +663,9 @@ impl<const N: usize> Wide<N> {
             for (lane, &child) in children.iter().enumerate() {
                 let below = &wide.nodes[child as usize];
                 let boxes = (0..N).map(|lane| below.bounds(lane));
-                let bounds =
-                    boxes.fold(Aabb::empty(), |all, own| all.union(&own));
+                let bounds = boxes.fold(Aabb::empty(), |outer, inner| {
+                    outer.union(&inner)
+                });
                 node.set(lane, &bounds, child);
             }
             wide.nodes[number] = node;
@@ -698,8 +700,8 @@ const PART: usize = 1 << 20;
 
 /// Whether the parts of a scene overlap so little that it is built in them.
 fn are_apart(vertices: &[DVec3], parts: &[&mut [Corners]]) -> bool {
-    let boxes = parts.par_iter().map(|own| {
-        let points = own.iter().flat_map(|(three, _)| three);
+    let boxes = parts.par_iter().map(|corners| {
+        let points = corners.iter().flat_map(|(three, _)| three);
         bounds(points.map(|&k| vertices[k as usize]))
     });
     let boxes: Vec<_> = boxes.collect();
@@ -774,12 +776,12 @@ impl<const N: usize> Wide<N> {
             within.map(|corner| finite((corner - region.zero).as_vec3()));
         let within_box = Aabb::new(low.into(), high.into());
         (0..N).any(|lane| {
-            let own = node.bounds(lane);
-            let Aabb { min, max } = own;
+            let bounds = node.bounds(lane);
+            let Aabb { min, max } = bounds;
             let below = (node.children[lane], region);
             let [low, high] =
                 [min, max].map(|v| v.as_dvec3() + region.zero);
-            own.intersect_aabb(&within_box)
+            bounds.intersect_aabb(&within_box)
                 && enters(low, high)
                 && self.any(below, within, enters, asked)
         })

@@ -42,7 +42,7 @@ pub struct Gather<'a> {
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
     /// What is known of the image beforehand.
-    pub known: &'a KnownPixels,
+    pub known_pixels: &'a KnownPixels,
     /// Chooses all random numbers.
     pub seed: u64,
     /// The error for which the samples are distributed.
@@ -214,14 +214,16 @@ impl<K: Intersector> Tracer<'_, K> {
         GatherRay { weight, bin, end: hit.map_or_else(sky, End::Hit) }
     }
 
-    /// One of the four cells around a hit, at random, with the share that the
-    /// hit has of its value and error: `u` is uniform over the square.
+    /// One of the four cells around a hit, at random, with value and error of a
+    /// surface that has the albedo of the hit: `u` is uniform over the square.
     #[inline]
     pub fn cell_around(&self, hit: &Hit, u: [f64; 2]) -> Cell {
         let grid = &self.cache.grid;
         let cell =
             *self.cache.at(grid.name_around(hit.point, hit.normal, u));
-        cell.of_share(self.gather.view.surfaces.share(hit.primitive) as f32)
+        cell.scaled(
+            self.gather.view.surfaces.relative_albedo(hit.primitive) as f32,
+        )
     }
 
     /// What a sample at (`x`, `y`) of the image begins with: a first hit, or
@@ -242,7 +244,7 @@ impl<K: Intersector> Tracer<'_, K> {
         scramble: u64,
         sums: &mut [f64],
     ) -> Vec<Sample> {
-        let &Gather { view, known, seed, .. } = self.gather;
+        let &Gather { view, known_pixels, seed, .. } = self.gather;
         let mut looks = vec![];
         // Draw all samples of a tile
         for pixel in 0..tile.size.0 * tile.size.1 {
@@ -256,7 +258,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 looks.push((((x, y), place), pixel, scale[number], u));
             }
         }
-        let is_sky = known.content(tile.corner) == TileContent::Sky;
+        let is_sky = known_pixels.content(tile.corner) == TileContent::Sky;
         let mut samples = vec![];
         // Send the first rays in beams
         for batch in looks.chunks(BEAM) {
@@ -293,8 +295,10 @@ impl<K: Intersector> Tracer<'_, K> {
     /// have added to them.
     pub fn tile(&mut self, tile: Tile, scramble: u64) -> [Vec<f64>; 2] {
         let area = tile.size.0 * tile.size.1;
-        let &Gather { known, seed, .. } = self.gather;
-        if let TileContent::Constant(value) = known.content(tile.corner) {
+        let &Gather { known_pixels, seed, .. } = self.gather;
+        if let TileContent::Constant(value) =
+            known_pixels.content(tile.corner)
+        {
             return [value, 0.].map(|value| vec![value; area as usize]);
         }
         let stream = tile_number(tile.corner);

@@ -196,7 +196,7 @@ impl<'a> Setup<'a> {
                 norm: sampling.measure,
                 view: *view,
                 intersector,
-                known: &analysis.known,
+                known_pixels: &analysis.known_pixels,
                 seed,
                 training,
                 correction: Some(Correction::default()),
@@ -222,7 +222,7 @@ impl<'a> Setup<'a> {
             sensor: self.view.sensor,
             intersector: self.intersector,
             integrator,
-            known: &self.analysis.known,
+            known_pixels: &self.analysis.known_pixels,
             sampler,
         })
     }
@@ -301,8 +301,11 @@ impl<'a> Setup<'a> {
         request: &Request,
         saved: Option<Sampling>,
     ) -> (Sampling, Option<Choice>) {
-        let known =
-            self.analysis.known.is_all().then_some(Method::Reference);
+        let known = self
+            .analysis
+            .known_pixels
+            .is_all()
+            .then_some(Method::Reference);
         let begun = saved.map(|saved| saved.method);
         let wanted = request.method.or(begun).or(known);
         // Say whether a pilot is needed
@@ -389,7 +392,7 @@ impl Trial<'_> {
         let Window { corner: (left, top), size } = self.window;
         let x = left + random.random_range(0..size.0);
         let y = top + random.random_range(0..size.1);
-        let known = &self.setup.analysis.known;
+        let known = &self.setup.analysis.known_pixels;
         if known.content((x, y)) != TileContent::Scene {
             return Pilot::default();
         }

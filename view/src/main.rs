@@ -286,8 +286,9 @@ impl Integrator for Glance<'_> {
         if let (Some(cache), Some(hit), 1) = (self.cache, hit, path.bounces)
         {
             let cell = cache.at(cache.grid.name(hit.point, hit.normal));
-            let share = self.paths.surfaces.share(hit.primitive) as f32;
-            let value = f64::from(cell.of_share(share).value);
+            let share =
+                self.paths.surfaces.relative_albedo(hit.primitive) as f32;
+            let value = f64::from(cell.scaled(share).value);
             if value > 0. {
                 return PathEvent::Terminate(path.throughput * value);
             }
@@ -494,7 +495,7 @@ impl Viewer {
             sensor: view.sensor,
             intersector: &world.bvh,
             integrator: Glance { paths, cache },
-            known: KnownPixels::NOTHING,
+            known_pixels: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(0),
         };
         let (width, height) = view.resolution;
@@ -544,7 +545,7 @@ impl Viewer {
         let hits = FirstHits::trace(bvh, view, film.window);
         let target = options.target();
         let limits = Limits {
-            samples: analysis.known.is_all().then_some(2),
+            samples: analysis.known_pixels.is_all().then_some(2),
             error: target.map(|(error, _)| error),
             measure: target.unwrap_or_default().1,
             interrupt: Some(&self.interrupt),

@@ -122,8 +122,8 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     // Know nothing of the image beforehand
     let Job { intersector, .. } = setting.job(seed);
     let view = setting.view(resolution);
-    let known = KnownPixels::default();
-    let analysis = SceneAnalysis { findings: vec![], known };
+    let known_pixels = KnownPixels::default();
+    let analysis = SceneAnalysis { findings: vec![], known_pixels };
     let window = Window { corner: (0, 0), size: resolution };
     // Sample as a run of this method does
     let (view, analysis) = (&view, &analysis);

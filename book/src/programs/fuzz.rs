@@ -237,7 +237,7 @@ impl Case {
             sensor: &Sensor::Camera(*camera, entrance),
             intersector: &intersector,
             integrator,
-            known: KnownPixels::NOTHING,
+            known_pixels: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(0),
         };
         let mut film = Film::new(self.resolution.0, self.resolution.1);

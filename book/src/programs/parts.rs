@@ -260,11 +260,11 @@ impl Stage {
     fn trace(&self, seed: u64) -> Run {
         let sampling = self.sampling(Method::Sobol, seed);
         let mut film = self.film(&sampling);
-        let Job { sensor, intersector, integrator, known, .. } =
+        let Job { sensor, intersector, integrator, known_pixels, .. } =
             self.setting.job(0);
         let sampler = SobolSampler::new(seed, sampling.net_size);
         let mut job =
-            Job { sensor, intersector, integrator, known, sampler };
+            Job { sensor, intersector, integrator, known_pixels, sampler };
         let traced = job.pass(&mut film, self.samples, &|_| true);
         let samples = self.samples * film.area();
         Run { film, rays: traced as f64 / samples as f64 }

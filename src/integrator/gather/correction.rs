@@ -59,15 +59,15 @@ impl<K: Intersector> Tracer<'_, K> {
                 if draws > 0. {
                     let found = self.radiance(correction, y, cell, random);
                     let error = found - f64::from(cell.value);
-                    let share =
+                    let total =
                         draws / keep_probability * step * error / expected;
-                    self.share_error(samples, group, k, share, sums);
+                    self.distribute(samples, group, k, total, sums);
                 }
             }
         }
     }
 
-    /// The share of the draws at `y` that is keep_probability, small where many of the
+    /// The probability with which a draw at `y` is kept, small where many of the
     /// group see it; the caller rounds the number by chance.
     fn keep_probability(
         &mut self,
@@ -87,19 +87,19 @@ impl<K: Intersector> Tracer<'_, K> {
             }
         }
         let part = seen / (f64::from(VISIBILITY_TESTS) + 0.5);
-        let all = group.len() as f64 / correction.group as f64;
-        (1. / (CANDIDATES * f64::sqrt(part * all))).min(1.)
+        let fill = group.len() as f64 / correction.group as f64;
+        (1. / (CANDIDATES * f64::sqrt(part * fill))).min(1.)
     }
 
     /// Shares the error of what sample `k` has met among all samples of
     /// its group that see the place: what they get, each over the radiance of
-    /// its pixel, adds up to `share`.
-    fn share_error(
+    /// its pixel, adds up to `total`.
+    fn distribute(
         &mut self,
         samples: &[Sample],
         group: &[usize],
         k: usize,
-        share: f64,
+        total: f64,
         sums: &mut [f64],
     ) {
         let Some((y, _)) = &samples[k].end else { return };
@@ -118,7 +118,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let density: f64 = seen().map(|(x, f)| f / x.scale).sum();
         if density > 0. {
             for (x, factor) in seen() {
-                sums[x.pixel as usize] += share * *factor / density;
+                sums[x.pixel as usize] += total * *factor / density;
             }
         }
     }

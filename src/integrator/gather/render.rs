@@ -29,8 +29,8 @@ impl Renderer for Gather<'_> {
     }
 
     fn training_rays(&self, area: u64) -> u64 {
-        let all = self.training + area.saturating_mul(2 * PILOT_SAMPLES);
-        if self.learnt.get().is_some() { 0 } else { all }
+        let rays = self.training + area.saturating_mul(2 * PILOT_SAMPLES);
+        if self.learnt.get().is_some() { 0 } else { rays }
     }
 
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
@@ -107,8 +107,9 @@ impl Dispatch for Pass<'_> {
                     let parts = [value - correction, *correction];
                     add_value(halves, number, parts);
                 }
-                let all = values.iter().sum::<f64>() / values.len() as f64;
-                mean.iter_mut().for_each(|mean| mean.add(all));
+                let tile_mean =
+                    values.iter().sum::<f64>() / values.len() as f64;
+                mean.iter_mut().for_each(|mean| mean.add(tile_mean));
                 pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
                 watch(net_size * pixels.len() as u64);
             }

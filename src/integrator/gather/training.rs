@@ -42,9 +42,9 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut random = generator(seed, TRAINING, piece);
         let mut records = Vec::with_capacity(rays as usize);
         let (grid, surfaces) = (self.cache.grid, self.gather.view.surfaces);
-        let (mut paths, mut told) = (0, 0);
-        while paths + self.rays < rays && watch(self.rays - told) {
-            told = self.rays;
+        let (mut paths, mut reported) = (0, 0);
+        while paths + self.rays < rays && watch(self.rays - reported) {
+            reported = self.rays;
             // Begin some paths
             let begun = (0..BATCH).filter_map(|_| {
                 match self.trace_primary(random.random(), random.random()) {
@@ -67,19 +67,26 @@ impl<K: Intersector> Tracer<'_, K> {
                     let u = [random.random(), random.random()];
                     let GatherRay { weight, bin, end } = self
                         .trace_gather_ray(y, self.cache.guide(&cell), u);
-                    let (to, share) = match end {
+                    let (to, relative_albedo) = match end {
                         End::Sky(radiance) => (in_sky(radiance), 1.),
                         End::Hit(hit) => {
                             hits.push(hit);
                             let u = [random.random(), random.random()];
                             let to =
                                 grid.name_around(hit.point, hit.normal, u);
-                            (to, surfaces.share(hit.primitive))
+                            (to, surfaces.relative_albedo(hit.primitive))
                         }
                     };
                     let (weight, bin) = (weight as f32, bin as u16);
-                    let share = (share * f64::from(WHOLE)).round() as u16;
-                    records.push(Record { from, to, weight, bin, share });
+                    let relative_albedo =
+                        (relative_albedo * f64::from(WHOLE)).round() as u16;
+                    records.push(Record {
+                        from,
+                        to,
+                        weight,
+                        bin,
+                        relative_albedo,
+                    });
                 }
             }
         }
@@ -98,24 +105,25 @@ fn find_together<T: Pod + Send>(
     watch: &Watch,
 ) -> Option<u64> {
     let (place, of) = prototype.communicator.place();
-    let share = pieces * place / of..pieces * (place + 1) / of;
-    let (own, rays): (Vec<_>, Vec<_>) =
-        share.into_par_iter().map(&find).unzip();
-    let own: Vec<T> = own.into_iter().flatten().collect();
+    let range = pieces * place / of..pieces * (place + 1) / of;
+    let (found_here, rays): (Vec<_>, Vec<_>) =
+        range.into_par_iter().map(&find).unzip();
+    let found_here: Vec<T> = found_here.into_iter().flatten().collect();
     let rays = rays.iter().sum::<u64>();
     // Tell the others the rays and what was found
-    let told = if watch(0) { bytes_of(&rays) } else { &[] };
-    let told = prototype.communicator.all_gather(told, watch);
-    let told = told.chunks_exact(size_of::<u64>());
-    if told.len() < of {
+    let counts = if watch(0) { bytes_of(&rays) } else { &[] };
+    let counts = prototype.communicator.all_gather(counts, watch);
+    let counts = counts.chunks_exact(size_of::<u64>());
+    if counts.len() < of {
         return None;
     }
-    let all = told.map(pod_read_unaligned::<u64>).sum::<u64>();
-    watch(all - rays);
-    let bytes = prototype.communicator.all_gather(cast_slice(&own), watch);
+    let total = counts.map(pod_read_unaligned::<u64>).sum::<u64>();
+    watch(total - rays);
+    let bytes =
+        prototype.communicator.all_gather(cast_slice(&found_here), watch);
     let each = bytes.chunks_exact(size_of::<T>());
     found.extend(each.map(pod_read_unaligned::<T>));
-    Some(all)
+    Some(total)
 }
 
 /// Pieces of a round, each of which a thread traces by itself.
@@ -143,17 +151,18 @@ pub fn train<K: Intersector>(
     let (mut records, mut traced) = (vec![], scout.rays);
     for (round, percent) in (0..).zip(ROUNDS) {
         // Trace the pieces of a round
-        let share = rays * percent / 100 / PIECES;
+        let rays_each = rays * percent / 100 / PIECES;
         let explore = |piece| {
             let piece = round * PIECES + piece as u64;
             let mut tracer =
                 Tracer { cache: &cache, rays: 0, ..*prototype };
-            let records = tracer.explore(share, seed, piece, |_| (), watch);
+            let records =
+                tracer.explore(rays_each, seed, piece, |_| (), watch);
             (records, tracer.rays)
         };
-        let (all, pieces) = (&mut records, PIECES as usize);
+        let (found, pieces) = (&mut records, PIECES as usize);
         traced +=
-            find_together(prototype.gather, pieces, explore, all, watch)?;
+            find_together(prototype.gather, pieces, explore, found, watch)?;
         let before = cache.relative_error;
         cache = cache.learn(&mut records, view.surfaces.most as f32, watch);
         let now = cache.relative_error;
@@ -183,11 +192,11 @@ pub fn allocate<K: Intersector>(
         let tile = tiles[k];
         let mut tracer = Tracer { rays: 0, ..*prototype };
         let mut pixels = vec![Accumulator::default(); tile.area()];
-        let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
+        let (mut scrambles, mut reported) = (0..PILOT_SAMPLES, 0);
         while let Some(scramble) = scrambles.next()
-            && watch(tracer.rays - told)
+            && watch(tracer.rays - reported)
         {
-            told = tracer.rays;
+            reported = tracer.rays;
             let [values, _] = tracer.tile(tile, scramble);
             pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
         }
@@ -216,8 +225,8 @@ pub fn allocate<K: Intersector>(
     let deviations = needs(deviations, &scale, prototype.gather.norm);
     let middle = average(&deviations).max(f64::MIN_POSITIVE);
     let count = |d: &f64| {
-        let share = (d / middle).clamp(0.1, 8.);
-        (share * mean as f64).round().max(1.) as u32
+        let part = (d / middle).clamp(0.1, 8.);
+        (part * mean as f64).round().max(1.) as u32
     };
     let counts = deviations.iter().map(count).collect();
     Some((Allocation::new(window, counts, scale), rays))
@@ -264,8 +273,8 @@ fn deviations(
                 count += 1.;
             }
         }
-        let own = 0.5 * variances[i] + 0.5 * (sum / count);
-        (own + common * squares[i]).sqrt()
+        let variance = 0.5 * variances[i] + 0.5 * (sum / count);
+        (variance + common * squares[i]).sqrt()
     };
     let rows = (0..height).into_par_iter().filter(|_| watch(0));
     let pixels = rows.map(|y| y * width..(y + 1) * width);
