@@ -73,7 +73,7 @@ impl SceneAnalysis {
         let mut findings = of_the_scene(left_out);
         let mut known_pixels = KnownPixels::default();
         for name in SHORTCUTS {
-            // Look for one shortcut if it is wanted
+            // Search for one shortcut if it is wanted
             let (found, reason) = match name {
                 _ if kept.contains(&name) => {
                     (None, "kept, and not looked for".to_owned())

@@ -195,7 +195,8 @@ impl Bvh {
 
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {
-        with_traverser!(&self.0, traverser => traverser.wide.leaves.face(primitive))
+        with_traverser!(&self.0,
+            traverser => traverser.wide.leaves.face(primitive))
     }
 
     /// Whether `asked` is true of a triangle and its corners. Only boxes
@@ -248,7 +249,8 @@ impl Intersector for Bvh {
         from: Option<u32>,
         target: u32,
     ) -> bool {
-        with_traverser!(&self.0, traverser => traverser.is_visible(ray, from, target))
+        with_traverser!(&self.0,
+            traverser => traverser.is_visible(ray, from, target))
     }
 
     fn first_hits(&self, rays: &Batch<Ray>) -> Batch<Hit> {

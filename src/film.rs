@@ -273,7 +273,7 @@ impl Film {
     ) -> Self {
         let (tiles, places) = Self::layout(window, tile_height(is_list));
         let pixels = zeroed(window.area()).expect("memory for a film");
-        // Make a film of these tiles
+        // Create a film of these tiles
         Self {
             resolution,
             is_list,
@@ -613,8 +613,8 @@ pub const NEIGHBOUR_WEIGHT: f64 = 4.;
 impl Film {
     /// The standard errors of the pixels of a window, row by row; infinite
     /// where unknown. The variance that a pixel has seen is combined with that
-    /// of its neighbours, which counts as `worth` values ([`NEIGHBOUR_WEIGHT`]; 0 leaves
-    /// the neighbours out).
+    /// of its neighbours, which counts as `worth` values ([`NEIGHBOUR_WEIGHT`];
+    /// 0 leaves the neighbours out).
     pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
         let pixels = self.errors_and_variances(worth, window).into_iter();
         pixels.map(|pixel| pixel.x).collect()

@@ -125,8 +125,8 @@ pub struct SingleProcess;
 impl Communicator for SingleProcess {}
 
 /// Follows one path, weakened by the albedo at each bounce until its
-/// throughput is below `ROULETTE_THRESHOLD`; then the albedo is the probability that it
-/// goes on. From `MANY_BOUNCES` bounces on it may end as well.
+/// throughput is below `ROULETTE_THRESHOLD`; then the albedo is the
+/// probability that it goes on. From `MANY_BOUNCES` bounces on it may end as well.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTracer<'a> {
     /// What the surfaces reflect.

@@ -196,7 +196,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         let Starts { directions, hits, rays } =
             sensor.starts(intersector, &places, self.resolution, sees_sky);
         for i in 0..BEAM {
-            // Take a path on from the end of its first ray
+            // Advance a path from its first hit
             let Some((pixel, mut sampler)) = started[i].take() else {
                 break;
             };
@@ -242,7 +242,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
         let (mut rays, mut turns) = (0, 0u64);
         let is_black = pass.job.integrator.is_black();
         loop {
-            // Put begun paths under way
+            // Start queued paths
             if begun.is_empty() && to_begin.peek().is_some() {
                 let batch = to_begin.by_ref().take(BEAM);
                 rays += pass.begin(
@@ -265,7 +265,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
             if turns.is_multiple_of(256) && !(pass.watch)(0) {
                 return None;
             }
-            // Take each path one ray further
+            // Advance each path by one ray
             under_way.retain_mut(|flight| {
                 rays += 1;
                 let PathInFlight { path, sampler, ray, from, .. } = flight;

@@ -59,7 +59,7 @@ impl Beam {
         let w = first.direction.abs().max_position();
         let sign = first.direction[w].signum();
         let others = [(w + 1) % 3, (w + 2) % 3];
-        // Put the rays into lanes
+        // Store the rays in lanes
         (self.t_max, self.slabs) = ([-1.; BEAM], Slabs::new(first, region));
         let mut start = f64::INFINITY;
         for (i, ray) in rays.iter().enumerate() {
@@ -91,7 +91,7 @@ impl Beam {
             places = [places[0].min(place), places[1].max(place)];
             slopes = [slopes[0].min(slope), slopes[1].max(slope)];
         }
-        // Make planes of the bounds
+        // Compute planes from the bounds
         for (k, u) in others.into_iter().enumerate() {
             for end in [0, 1] {
                 let slope = slopes[end][u];
@@ -179,7 +179,7 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
     {
         return rays.each_ref().map(alone);
     }
-    // Begin the searches of a beam
+    // Start the searches of a beam
     let mut searches = [const { None }; BEAM];
     let mut doubtful = 0;
     let mut waiting = Waiting::new();
@@ -212,8 +212,8 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
                             prepare(wide, ray, (None, NONE))
                         });
                     let (ways, leaf) = ((&*shear, &*margins), slots(child));
-                    // SAFETY: without nested frames, children with the bit LEAF are leaves; the
-                    // processor has the instructions, says the caller.
+                    // SAFETY: without nested frames, children with the bit LEAF are
+                    // leaves; the processor has the instructions, says the caller.
                     let met = unsafe {
                         intersect_leaf::<K, N, true>(
                             search, ray, ways, leaf,
@@ -227,7 +227,7 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
             }
         };
     }
-    // Make hits of the searches of a beam
+    // Convert the searches of a beam to hits
     array::from_fn(|i| match (&rays[i], &searches[i]) {
         (ray, _) if doubtful >> i & 1 != 0 => alone(ray),
         (Some(ray), Some((of, ..))) => hit(wide, ray, None, of),

@@ -55,13 +55,13 @@ pub fn hit<const N: usize>(
     let normal = cross(b - a, c - a).normalize();
     let away = normal.dot(ray.direction) > 0.;
     let normal = if away { -normal } else { normal };
-    // Put the point off the surface
+    // Lift the point off the surface
     let met = ray.origin + ray.direction * distance;
     let height = normal.dot(met - a);
     let size = seen(&[a, b, c], ray.origin);
     let clear = clear(size);
     let mut point = met + normal * (clear - height);
-    // Settle the point if it is doubtful
+    // Resolve the point if it is doubtful
     let short = distance <= search.root * SHORT
         && left.is_some_and(|left| {
             let corners = search.leaves.triangle(left);

@@ -396,7 +396,7 @@ pub unsafe fn intersect_leaf<
     };
     let mut left = mask;
     while left != 0 {
-        // Take or offer one lane of the mask
+        // Consider one lane of the mask
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
         if FAST {

@@ -393,7 +393,7 @@ impl Leaf<'_> {
             (u >= -margin && v >= -margin && w >= -margin)
                 || (u <= margin && v <= margin && w <= margin)
         };
-        // Tell what the ray does by the signs
+        // Classify the ray by the signs
         if within(0.) {
             // Find the distance along the ray
             let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);

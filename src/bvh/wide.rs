@@ -147,7 +147,7 @@ impl Group<'_> {
 /// A binary tree over the triangles, one in each leaf. Node 0 is the
 /// root; the second child of a node follows its first.
 fn binary(group: &Group, quality: Quality) -> Vec<Bvh2Node> {
-    // Begin with a leaf per triangle
+    // Create a leaf per triangle
     let count = group.corners.len();
     let order = in_morton_order(group);
     let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
@@ -206,7 +206,7 @@ fn join(mut nodes: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
             depth += 1;
         }
     }
-    // Hand the binary tree over
+    // Return the binary tree
     Bvh2 {
         nodes,
         max_depth: depth.max(DEFAULT_MAX_STACK_DEPTH),
@@ -326,7 +326,7 @@ impl<const N: usize> Forest<N> {
             costs[0] = area;
             choices[0] = 1;
         }
-        // Let no more trees cost more
+        // Limit the cost of more trees
         for k in 2..=N {
             if costs[k - 2] < costs[k - 1] {
                 costs[k - 1] = costs[k - 2];
@@ -656,7 +656,7 @@ impl<const N: usize> Wide<N> {
                 placed(count);
             }
         }
-        // Put the nodes above the parts
+        // Create the nodes above the parts
         for number in (0..tops).rev() {
             let mut node = Node::EMPTY;
             let children = &roots[number * N..][..N];
@@ -753,10 +753,10 @@ impl<const N: usize> Wide<N> {
         asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
         if child & LEAF != 0 {
-            // Ask about each triangle of the leaf
+            // Test each triangle of the leaf
             let (first, count) = slots(child);
             if first >= FRAMES {
-                // Go on in the nested frame
+                // Search the nested frame
                 let frame = (first - FRAMES) as usize;
                 let NestedFrame { region, node } = self.frames[frame];
                 return node.is_some_and(|root| {

@@ -269,7 +269,7 @@ impl<K: Intersector> Tracer<'_, K> {
             self.rays += rays;
             let ends = directions.into_iter().zip(hits);
             for (&look, (direction, hit)) in batch.iter().zip(ends) {
-                // Begin a sample or show the sky
+                // Start a sample or show the sky
                 let (_, pixel, scale, u) = look;
                 let Some(hit) = hit else {
                     sums[pixel as usize] += view.sky.seen(direction);

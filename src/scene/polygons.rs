@@ -92,7 +92,7 @@ fn judge(
     if normal.length() <= 1e-12 * area {
         return (None, area > 1e-15 * sides.len() as f64);
     }
-    // See the face along its normal
+    // Project the face along its normal
     let axis = normal.abs().max_position();
     let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
     let (x, y) = if normal[axis] < 0. { (y, x) } else { (x, y) };
@@ -179,7 +179,7 @@ fn triangulate(
         }
         vertices[i] = Some(vertex);
     }
-    // Make the outline sides of triangles
+    // Add the outline to the sides of triangles
     let vertices: Vec<_> = vertices.into_iter().flatten().collect();
     let mut steps = vec![0; cdt.num_directed_edges()];
     let ends = vertices.iter().zip(vertices.iter().cycle().skip(1));
@@ -199,7 +199,7 @@ fn triangulate(
             steps[side.rev().index()] -= 1;
         }
     }
-    // Keep the triangles where the outline winds
+    // Select the triangles where the outline winds
     let mut seen = vec![false; cdt.num_all_faces()];
     let hull = cdt.convex_hull().map(|side| (side.fix().rev(), 0));
     let mut waiting: Vec<_> = hull.collect();

@@ -28,7 +28,7 @@ impl<K: Intersector> Tracer<'_, K> {
         sums: &mut [f64],
     ) {
         let Some(correction) = &self.gather.correction else { return };
-        // Put the samples in groups
+        // Divide the samples into groups
         let mut order: Vec<_> = (0..samples.len()).collect();
         let grid = &self.cache.grid;
         order.sort_by_cached_key(|&i| grid.order(&samples[i].hit));
@@ -221,7 +221,7 @@ impl<K: Intersector> Tracer<'_, K> {
             error += throughput * albedo * sum;
             let Some(end) = ends.pop() else { break };
             throughput *= albedo * end.weight;
-            // Let a weak path survive by chance
+            // Play Russian roulette
             let long =
                 if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };
             let probability =

@@ -45,7 +45,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let (mut paths, mut reported) = (0, 0);
         while paths + self.rays < rays && watch(self.rays - reported) {
             reported = self.rays;
-            // Begin some paths
+            // Start some paths
             let begun = (0..BATCH).filter_map(|_| {
                 match self.trace_primary(random.random(), random.random()) {
                     End::Hit(hit) => Some(hit),
@@ -110,7 +110,7 @@ fn find_together<T: Pod + Send>(
         range.into_par_iter().map(&find).unzip();
     let found_here: Vec<T> = found_here.into_iter().flatten().collect();
     let rays = rays.iter().sum::<u64>();
-    // Tell the others the rays and what was found
+    // Exchange the rays and the findings
     let counts = if watch(0) { bytes_of(&rays) } else { &[] };
     let counts = prototype.communicator.all_gather(counts, watch);
     let counts = counts.chunks_exact(size_of::<u64>());
