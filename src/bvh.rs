@@ -8,22 +8,25 @@
 //! and the test of a triangle are double precision.
 
 mod beam;
+mod binary;
+mod build;
 mod ground;
 mod intersector;
 #[cfg(target_arch = "x86_64")]
 mod kernels;
+mod search;
 mod spawn;
 mod traversal;
 mod traverser;
 mod triangle;
 mod wide;
 
+pub use binary::Quality;
 pub use ground::GROUND;
 use ground::Ground;
 pub use intersector::{BEAM, Batch, Dispatch, Hit, Intersector};
 pub use spawn::{is_within, lifted, too_small};
 pub use triangle::NONE;
-pub use wide::Quality;
 
 use std::cell::RefCell;
 use std::{fmt, io};

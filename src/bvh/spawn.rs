@@ -12,8 +12,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::intersector::Hit;
-use super::triangle::{Leaf, NONE, Search, Shear, TriangleTest};
-use super::triangle::{clear, is_met, near, seen, size};
+use super::search::{Search, is_met};
+use super::triangle::{Leaf, NONE, Shear, TriangleTest};
+use super::triangle::{clear, near, seen, size};
 use super::wide::Wide;
 use crate::numerics::cross;
 use crate::scene::{Ray, Triangle, Triangles};

@@ -12,10 +12,11 @@ use std::mem::MaybeUninit;
 
 use glam::DVec3;
 
+use super::search::Search;
 use super::triangle::{
     FRAMES, LANES, LEAF, NONE, edges, near, slot, slots,
 };
-use super::triangle::{Leaf, Margins, Region, Search, Shear, TriangleTest};
+use super::triangle::{Leaf, Margins, Region, Shear, TriangleTest};
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
 
@@ -264,9 +265,9 @@ pub fn prepare<'a, const N: usize>(
 }
 
 /// The nearest of the triangles that a ray meets, other than the first of
-/// the slots. With `ANY`, the search ends as soon as another triangle than
-/// the second is the nearest. A `FAST` search gives none if it meets a doubt,
-/// or if `NESTED` does not tell whether the hierarchy has nested frames: the
+/// the slots `ends`. With `ANY`, the search ends as soon as another triangle
+/// than the second is the nearest. A `FAST` search gives none if it meets a
+/// doubt, or if `NESTED` does not tell whether the hierarchy has nested frames: the
 /// caller then takes the next slower one.
 ///
 /// # Safety
@@ -282,19 +283,15 @@ pub unsafe fn walk<
 >(
     wide: &'a Wide<N>,
     ray: &Ray,
-    (from, target): (Option<u32>, u32),
+    ends: (Option<u32>, u32),
 ) -> Option<Search<'a>> {
     if FAST && NESTED == wide.frames.is_empty() {
         return None;
     }
-    let (mut search, shear, mut margins) =
-        prepare(wide, ray, (from, target));
+    let (mut search, shear, mut margins) = prepare(wide, ray, ends);
     // End at once out of bounds or at the target
     if !is_within_bounds(ray)
-        || ANY
-            && target != NONE
-            && (from == Some(target)
-                || is_missed(&mut search, target, &shear, &margins)?)
+        || ANY && is_missed(&mut search, ends, &shear, &margins)?
     {
         return Some(search);
     }
@@ -344,7 +341,7 @@ pub unsafe fn walk<
                     )?
                 };
                 if met != 0 {
-                    if ANY && search.slot != target {
+                    if ANY && search.slot != ends.1 {
                         break 'walk;
                     }
                     t_max = search.limit(&margins) as f32;
@@ -409,15 +406,18 @@ pub unsafe fn intersect_leaf<
     Some(mask)
 }
 
-/// Offers a triangle ahead of the walk: whether the ray misses it; none if
-/// that is doubtful.
+/// Offers a target, if there is one, ahead of the walk: whether the ray misses
+/// it, as it does if it leaves it; none if that is doubtful.
 #[inline(always)]
 fn is_missed(
     search: &mut Search,
-    target: u32,
+    (from, target): (Option<u32>, u32),
     shear: &Shear,
     margins: &Margins,
 ) -> Option<bool> {
+    if target == NONE || from == Some(target) {
+        return Some(target != NONE);
+    }
     let (leaf, lane) = search.leaves.find(target);
     match leaf.test(lane as usize, shear, margins.size) {
         TriangleTest::Through(at) if at > -margins.near => {

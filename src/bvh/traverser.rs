@@ -7,14 +7,16 @@ use std::io;
 use std::marker::PhantomData;
 
 use super::beam;
+use super::binary::Quality;
 use super::ground::{GROUND, Ground};
 use super::intersector::{Batch, Hit, Intersector};
 #[cfg(target_arch = "x86_64")]
 use super::kernels::Vectors;
+use super::search::Search;
 use super::spawn::hit;
 use super::traversal::{Portable, walk};
-use super::triangle::{NONE, Search};
-use super::wide::{Quality, Wide};
+use super::triangle::NONE;
+use super::wide::Wide;
 use crate::scene::{Ray, Triangles};
 
 /// A hierarchy on a processor that has the instructions `K`.

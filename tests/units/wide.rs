@@ -7,8 +7,9 @@
 use std::cell::{Cell, RefCell};
 
 use super::*;
-use crate::scene::{Mesh, Scene};
-use glam::DVec3;
+use crate::bvh::triangle::Leaf;
+use crate::scene::{Mesh, Scene, Triangle};
+use glam::{DVec3, Vec3A};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
