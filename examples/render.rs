@@ -32,9 +32,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let sensor = &Sensor::Camera(camera, scene.frame.entrance(position));
     let sky = Sky::new(view.up);
     let integrator = PathTracer::new(Surfaces::of(0.8), sky);
-    let known = KnownPixels::NOTHING;
+    let known_pixels = KnownPixels::NOTHING;
     let sampler = IndependentSampler::new(0);
-    let mut job = Job { sensor, intersector, integrator, known, sampler };
+    let mut job =
+        Job { sensor, intersector, integrator, known_pixels, sampler };
     let mut film = Film::new(320, 240);
     job.pass(&mut film, 64, &|_| true);
     let (film, allocation) = (&film, None);

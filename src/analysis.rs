@@ -25,12 +25,14 @@ pub const SHORTCUTS: [&str; 2] = ["dark", "background"];
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// Its name.
-    pub fact: String,
-    /// Whether it holds, so that something is left out.
+    #[serde(rename = "fact")]
+    pub name: String,
+    /// Whether it applies, so that something is left out.
     #[serde(skip)]
-    pub holds: bool,
+    pub applies: bool,
     /// What was found, for people.
-    pub why: String,
+    #[serde(rename = "why")]
+    pub reason: String,
 }
 
 /// All that has been found about a scene, and what the renderer takes
@@ -41,7 +43,7 @@ pub struct SceneAnalysis {
     /// has left out already.
     pub findings: Vec<Finding>,
     /// What is known of the image before it is rendered.
-    pub known: KnownPixels,
+    pub known_pixels: KnownPixels,
 }
 
 /// What is shown of a scene: the view, the light and the surfaces. The
@@ -69,31 +71,31 @@ impl SceneAnalysis {
         kept: &[&str],
     ) -> Self {
         let mut findings = of_the_scene(left_out);
-        let mut known = KnownPixels::default();
-        for fact in SHORTCUTS {
-            // Look for one shortcut if it is wanted
-            let (found, why) = match fact {
-                _ if kept.contains(&fact) => {
+        let mut known_pixels = KnownPixels::default();
+        for name in SHORTCUTS {
+            // Search for one shortcut if it is wanted
+            let (found, reason) = match name {
+                _ if kept.contains(&name) => {
                     (None, "kept, and not looked for".to_owned())
                 }
-                _ if known.is_all() => break,
+                _ if known_pixels.is_all() => break,
                 "dark" => dark(intersector, view),
                 _ => background(intersector, view),
             };
-            let (holds, fact) = (found.is_some(), fact.to_owned());
-            findings.push(Finding { fact, holds, why });
-            known = found.unwrap_or(known);
+            let (applies, name) = (found.is_some(), name.to_owned());
+            findings.push(Finding { name, applies, reason });
+            known_pixels = found.unwrap_or(known_pixels);
         }
-        Self { findings, known }
+        Self { findings, known_pixels }
     }
 
     /// What was left out of the image or its work, in words.
     pub fn left_out(&self) -> impl Iterator<Item = &Finding> {
-        self.findings.iter().filter(|finding| finding.holds)
+        self.findings.iter().filter(|finding| finding.applies)
     }
 }
 
-/// What a shortcut lets know of the pixels if it holds; and words for it.
+/// What a shortcut lets know of the pixels if it applies; and words for it.
 type Found = (Option<KnownPixels>, String);
 
 const NO_CAMERA: &str = "there is no camera";
@@ -104,13 +106,17 @@ fn of_the_scene([flat, copies]: &[Vec<u32>; 2]) -> Vec<Finding> {
         ("flat", flat, "without area"),
         ("copies", copies, "with the corners of another"),
     ];
-    let finding = |(fact, faces, which): (&str, &Vec<u32>, &str)| {
+    let finding = |(name, faces, which): (&str, &Vec<u32>, &str)| {
         let first = faces.first().map(|face| face + 1);
         let first = first.map(|n| format!(", the first in face {n}"));
         let s = if faces.len() == 1 { "" } else { "s" };
-        let why = format!("{} triangle{s} {which}", faces.len());
-        let why = why + &first.unwrap_or_default();
-        Finding { fact: fact.to_owned(), holds: !faces.is_empty(), why }
+        let reason = format!("{} triangle{s} {which}", faces.len());
+        let reason = reason + &first.unwrap_or_default();
+        Finding {
+            name: name.to_owned(),
+            applies: !faces.is_empty(),
+            reason,
+        }
     };
     words.map(finding).into()
 }
@@ -123,12 +129,13 @@ fn dark(intersector: &Bvh, view: &LitView) -> Found {
     let is_shut = |_: &_| !lets_out(entrance, intersector);
     let place = entrance.place().filter(is_shut);
     let dark = place.map_or(Ok(false), |place| {
-        let mut all = intersector.triangles();
-        all.par_sort_by_key(|&(face, _)| face);
-        let (faces, triangles): (Vec<_>, Vec<_>) = all.into_iter().unzip();
+        let mut triangles = intersector.triangles();
+        triangles.par_sort_by_key(|&(face, _)| face);
+        let (faces, triangles): (Vec<_>, Vec<_>) =
+            triangles.into_iter().unzip();
         is_inside(&triangles, place).map_err(|i| faces[i as usize])
     });
-    let why = match dark {
+    let reason = match dark {
         Ok(true) => {
             "closed around the camera: no ray can reach the sky, and the \
              image is exactly 0"
@@ -136,8 +143,8 @@ fn dark(intersector: &Bvh, view: &LitView) -> Found {
         Ok(false) => "no closed surface around the camera",
         Err(face) => &format!("too close to tell: face {}", face + 1),
     };
-    let known = || KnownPixels::dark(view.resolution);
-    ((dark == Ok(true)).then(known), why.to_owned())
+    let black = || KnownPixels::dark(view.resolution);
+    ((dark == Ok(true)).then(black), reason.to_owned())
 }
 
 /// Which tiles see no triangle.
@@ -152,7 +159,7 @@ fn background(intersector: &Bvh, view: &LitView) -> Found {
     let tiles =
         KnownPixels::background(camera, sky, resolution, tip, intersector);
     let (empty, count) = tiles.count();
-    let why = match empty {
+    let reason = match empty {
         0 => "triangles may be seen in each tile of the image",
         _ if empty == count => {
             "no triangle can be seen: all of the image is the sky"
@@ -162,5 +169,5 @@ fn background(intersector: &Bvh, view: &LitView) -> Found {
              rays are not traced"
         ),
     };
-    ((empty > 0).then_some(tiles), why.to_owned())
+    ((empty > 0).then_some(tiles), reason.to_owned())
 }

@@ -8,22 +8,25 @@
 //! and the test of a triangle are double precision.
 
 mod beam;
+mod binary;
+mod build;
 mod ground;
 mod intersector;
 #[cfg(target_arch = "x86_64")]
 mod kernels;
+mod search;
 mod spawn;
 mod traversal;
 mod traverser;
 mod triangle;
 mod wide;
 
+pub use binary::Quality;
 pub use ground::GROUND;
 use ground::Ground;
 pub use intersector::{BEAM, Batch, Dispatch, Hit, Intersector};
 pub use spawn::{is_within, lifted, too_small};
 pub use triangle::NONE;
-pub use wide::Quality;
 
 use std::cell::RefCell;
 use std::{fmt, io};
@@ -72,8 +75,8 @@ impl Isa {
 
     /// The fastest set that this processor has.
     pub fn best() -> Self {
-        let mut all = Self::ALL.into_iter();
-        all.find(|isa| isa.is_available()).unwrap_or(Self::Portable)
+        let mut sets = Self::ALL.into_iter();
+        sets.find(|isa| isa.is_available()).unwrap_or(Self::Portable)
     }
 }
 
@@ -146,15 +149,15 @@ impl Bvh {
             let lacks = "this processor lacks the instructions";
             return Err(io::Error::other(format!("{lacks} {isa}")));
         }
-        let all = (triangles, quality, placed);
+        let input = (triangles, quality, placed);
         // SAFETY: the processor has the instructions.
         let form = unsafe {
             match isa {
                 #[cfg(target_arch = "x86_64")]
-                Isa::Avx512 => Form::Avx512(Traverser::new(all)?),
+                Isa::Avx512 => Form::Avx512(Traverser::new(input)?),
                 #[cfg(target_arch = "x86_64")]
-                Isa::Avx2 => Form::Avx2(Traverser::new(all)?),
-                _ => Form::Portable(Traverser::new(all)?),
+                Isa::Avx2 => Form::Avx2(Traverser::new(input)?),
+                _ => Form::Portable(Traverser::new(input)?),
             }
         };
         Ok(Self(form))
@@ -173,7 +176,7 @@ impl Bvh {
             });
             Ground::under(lowest, zenith)
         });
-        with_traverser!(&mut self.0, own => own.ground = ground);
+        with_traverser!(&mut self.0, traverser => traverser.ground = ground);
     }
 
     /// Whether there is a ground.
@@ -183,7 +186,7 @@ impl Bvh {
 
     /// How far below a point the ground is; infinite without a ground.
     pub fn ground_below(&self, point: DVec3) -> f64 {
-        let ground = with_traverser!(&self.0, own => own.ground.as_ref());
+        let ground = with_traverser!(&self.0, traverser => traverser.ground.as_ref());
         ground.map_or(f64::INFINITY, |ground| ground.below(point))
     }
 
@@ -191,13 +194,14 @@ impl Bvh {
     /// round with the clock.
     pub fn is_on_back(&self, hit: &Hit) -> bool {
         let [a, b, c] = with_traverser!(&self.0,
-            own => own.wide.leaves.triangle(hit.primitive));
+            traverser => traverser.wide.leaves.triangle(hit.primitive));
         cross(b - a, c - a).dot(hit.normal) < 0.
     }
 
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {
-        with_traverser!(&self.0, own => own.wide.leaves.face(primitive))
+        with_traverser!(&self.0,
+            traverser => traverser.wide.leaves.face(primitive))
     }
 
     /// Whether `asked` is true of a triangle and its corners. Only boxes
@@ -211,8 +215,8 @@ impl Bvh {
         let asked = |_: &Leaf, (_, slot), corners: &_| asked(slot, corners);
         with_traverser!(&self.0, traverser => {
             let wide = &traverser.wide;
-            let all = (0, wide.region);
-            wide.any(all, [DVec3::MIN, DVec3::MAX], &enters, &asked)
+            let root = (0, wide.region);
+            wide.any(root, [DVec3::MIN, DVec3::MAX], &enters, &asked)
         })
     }
 
@@ -228,11 +232,11 @@ impl Bvh {
 
     /// All triangles, each with its face, in the order of the hierarchy.
     pub fn triangles(&self) -> Vec<(u32, Triangle)> {
-        let mut all = vec![];
+        let mut triangles = vec![];
         self.for_each(|slot, corners| {
-            all.push((self.face(slot), *corners))
+            triangles.push((self.face(slot), *corners))
         });
-        all
+        triangles
     }
 }
 impl Intersector for Bvh {
@@ -250,7 +254,8 @@ impl Intersector for Bvh {
         from: Option<u32>,
         target: u32,
     ) -> bool {
-        with_traverser!(&self.0, own => own.is_visible(ray, from, target))
+        with_traverser!(&self.0,
+            traverser => traverser.is_visible(ray, from, target))
     }
 
     fn first_hits(&self, rays: &Batch<Ray>) -> Batch<Hit> {

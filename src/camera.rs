@@ -205,8 +205,8 @@ impl View {
                 sign * axis.dot(p) - slope * ahead.dot(p)
             };
             let most = |sign| {
-                let all = points.clone().map(|p| place(p, sign));
-                all.fold(f64::NEG_INFINITY, f64::max)
+                let places = points.clone().map(|p| place(p, sign));
+                places.fold(f64::NEG_INFINITY, f64::max)
             };
             let [more, less] = [most(1.), most(-1.)];
             (0.5 * (more - less) * axis, 0.5 * (more + less) / slope)

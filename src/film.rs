@@ -8,100 +8,22 @@
 //! tile lie together in memory, so that threads write to separate pieces.
 //! The pixels of a tile hold the same samples, from the first on.
 
+mod errors;
+mod tile;
+
+pub use errors::{ErrorNorm, NEIGHBOUR_WEIGHT, Summary};
+pub use tile::{SIDE, Tile, Window, digits, parse_size, tile_height};
+
 use std::io::{self, Read, Write};
 use std::ops::Range;
-use std::str::FromStr;
 
-use glam::{DVec2, DVec3, Vec2};
+use glam::Vec2;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use crate::memory::zeroed;
 use crate::numerics::power_of_two;
 use crate::statistics::Accumulator;
-
-/// Width and height of a tile of an image in pixels.
-pub const SIDE: u32 = 16;
-
-/// The height of a tile: one of a list, in a single column, has as many
-/// pixels.
-pub fn tile_height(is_list: bool) -> u32 {
-    if is_list { SIDE * SIDE } else { SIDE }
-}
-
-/// A rectangle of pixels that one thread renders at a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tile {
-    /// Column and row of its first pixel in the image.
-    pub corner: (u32, u32),
-    /// Its width, at most `SIDE`, and height, at most `tile_height`.
-    pub size: (u32, u32),
-    /// Number of pixels in the tiles before it.
-    start: usize,
-    /// Its number along Hilbert's curve.
-    number: u32,
-}
-
-impl Tile {
-    /// Number of its pixels.
-    pub fn area(&self) -> usize {
-        (self.size.0 * self.size.1) as usize
-    }
-}
-
-/// A rectangle of pixels of an image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(into = "String", try_from = "String")]
-pub struct Window {
-    /// Column and row of its first pixel in the image.
-    pub corner: (u32, u32),
-    /// Its width and height in pixels, at least 1.
-    pub size: (u32, u32),
-}
-
-/// A window as it is typed: `X,Y,WxH`.
-impl From<Window> for String {
-    fn from(window: Window) -> Self {
-        let Window { corner: (x, y), size: (width, height) } = window;
-        format!("{x},{y},{width}x{height}")
-    }
-}
-
-impl TryFrom<String> for Window {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        let syntax = "expected a pixel and a size, as in 100,50,64x48";
-        let parts: Vec<&str> = text.split(',').collect();
-        let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
-        let corner = digits(x).ok().zip(digits(y).ok()).ok_or(syntax)?;
-        Ok(Self { corner, size: parse_size(size)? })
-    }
-}
-
-/// Reads a width and a height, as in 800x600.
-///
-/// # Errors
-/// The text is another, or a side is out of range.
-pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let side =
-        |text| digits(text).ok().filter(|n| (1..=MAX_SIDE).contains(n));
-    let size = text.split_once('x');
-    let size = size.and_then(|(w, h)| side(w).zip(side(h)));
-    size.ok_or(format!(
-        "expected two positive integers around one x, as in 800x600, \
-         at most {MAX_SIDE} pixels a side"
-    ))
-}
-
-/// The most pixels that an image is wide or high.
-const MAX_SIDE: u32 = 16384;
-
-/// An integer of digits alone.
-pub fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
-    // The library would take a plus as well.
-    text.replace('+', "x").parse()
-}
+use tile::{along_curve, van_der_corput};
 
 /// A tile of a film, to be filled.
 pub struct FilmTile<'a> {
@@ -112,7 +34,7 @@ pub struct FilmTile<'a> {
     /// Its mean, if the film has one.
     pub mean: Option<&'a mut Accumulator>,
     /// The halves of its pixels, or nothing if the film has none.
-    pub halves: &'a mut [Halves],
+    pub halves: &'a mut [HalfBuffers],
 }
 
 /// An image in the making, or a part of it: one accumulator per pixel.
@@ -125,12 +47,12 @@ pub struct Film {
     /// The pixels that it holds.
     pub window: Window,
     /// The window of its run.
-    pub whole: Window,
+    pub run_window: Window,
     /// The samples of each pixel that come before its own.
-    pub first: u64,
+    pub sample_offset: u64,
     /// The samples of a replicate, which were placed together and whose mean is
     /// one value of an accumulator; on average over the pixels.
-    pub replicate: u64,
+    pub net_size: u64,
     tiles: Vec<Tile>,
     /// The place of each tile in `tiles`, by row and column.
     places: Vec<u32>,
@@ -141,7 +63,7 @@ pub struct Film {
     pub tile_means: Vec<Accumulator>,
     /// The halves of the pixels, in the same order; none unless a picture is
     /// to be filtered.
-    pub halves: Vec<Halves>,
+    pub halves: Vec<HalfBuffers>,
 }
 
 /// Watches the work on a film: called, from any thread, with what is done,
@@ -152,10 +74,10 @@ pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
 /// The values of a pixel in two halves, those of even and of odd numbers: of
 /// each the sums of what was gathered and of its corrections, in units of
 /// 2^-32, and the number of values.
-pub type Halves = [[i64; 3]; 2];
+pub type HalfBuffers = [[i64; 3]; 2];
 
 /// Adds the value of this number: what was gathered, and its correction.
-pub fn add_value(halves: &mut Halves, number: u64, parts: [f64; 2]) {
+pub fn add_value(halves: &mut HalfBuffers, number: u64, parts: [f64; 2]) {
     let [gathered, corrected] = parts.map(|part| (part * UNIT) as i64);
     let half = &mut halves[(number % 2) as usize];
     for (sum, more) in half.iter_mut().zip([gathered, corrected, 1]) {
@@ -164,7 +86,7 @@ pub fn add_value(halves: &mut Halves, number: u64, parts: [f64; 2]) {
 }
 
 /// Takes all values of other halves into account.
-pub fn add_halves(halves: &mut [Halves], others: &[Halves]) {
+pub fn add_halves(halves: &mut [HalfBuffers], others: &[HalfBuffers]) {
     let others = others.as_flattened().as_flattened();
     let halves = halves.as_flattened_mut().as_flattened_mut();
     for (sum, more) in halves.iter_mut().zip(others) {
@@ -174,65 +96,6 @@ pub fn add_halves(halves: &mut [Halves], others: &[Halves]) {
 
 /// Units of the sums of halves in 1.
 const UNIT: f64 = power_of_two(32);
-
-impl Window {
-    /// The column and row after its last ones.
-    pub fn end(&self) -> (u32, u32) {
-        (self.corner.0 + self.size.0, self.corner.1 + self.size.1)
-    }
-
-    /// The first cell of the grid that it touches, and how many columns
-    /// and rows of cells.
-    fn cells(&self, side: u32) -> ((u32, u32), (u32, u32)) {
-        let (left, top) = (self.corner.0 / SIDE, self.corner.1 / side);
-        let (right, bottom) = self.end();
-        let columns = right.div_ceil(SIDE) - left;
-        ((left, top), (columns, bottom.div_ceil(side) - top))
-    }
-
-    /// This and the pixels that are at most so many columns and rows away,
-    /// as far as they lie `within` another window.
-    fn grown(&self, reach: u32, within: Self) -> Self {
-        let ((x, y), (left, top)) = (self.corner, within.corner);
-        let [ends, limits] = [self.end(), within.end()];
-        let start = |at: u32, first| at.saturating_sub(reach).max(first);
-        let (x, y) = (start(x, left), start(y, top));
-        let length =
-            |start, end: u32, last| (end + reach).min(last) - start;
-        let size =
-            (length(x, ends.0, limits.0), length(y, ends.1, limits.1));
-        Self { corner: (x, y), size }
-    }
-
-    /// The number of pixels.
-    pub fn area(&self) -> usize {
-        self.size.0 as usize * self.size.1 as usize
-    }
-
-    /// At most so many of its rows, from row `first` on.
-    pub fn rows(&self, first: u32, most: u32) -> Self {
-        let ((left, top), (width, height)) = (self.corner, self.size);
-        let size = (width, most.min(height - first));
-        Self { corner: (left, top + first), size }
-    }
-
-    /// The number of rows of tiles of this height that it touches.
-    pub fn tile_rows(&self, height: u32) -> u32 {
-        self.cells(height).1.1
-    }
-
-    /// The `k`-th of `n` bands, where tiles have this height; `k` is from 1 to
-    /// `n`, which is at most `tile_rows`.
-    pub fn band(&self, (k, n): (u32, u32), height: u32) -> Self {
-        let ((_, top), (_, rows)) = self.cells(height);
-        let edge = |k| {
-            let row = top + (u64::from(rows) * k / u64::from(n)) as u32;
-            (row * height).clamp(self.corner.1, self.end().1)
-        };
-        let (from, to) = (edge(u64::from(k) - 1), edge(u64::from(k)));
-        self.rows(from - self.corner.1, to - from)
-    }
-}
 
 impl Film {
     /// The film of a whole image of at least one pixel, without a sample.
@@ -273,14 +136,14 @@ impl Film {
     ) -> Self {
         let (tiles, places) = Self::layout(window, tile_height(is_list));
         let pixels = zeroed(window.area()).expect("memory for a film");
-        // Make a film of these tiles
+        // Create a film of these tiles
         Self {
             resolution,
             is_list,
             window,
-            whole: window,
-            first: 0,
-            replicate: 1,
+            run_window: window,
+            sample_offset: 0,
+            net_size: 1,
             tiles,
             places,
             pixels,
@@ -336,7 +199,7 @@ impl Film {
 
     /// The tiles of the whole window of its run.
     pub fn all_tiles(&self) -> Vec<Tile> {
-        Self::layout(self.whole, self.tile_height()).0
+        Self::layout(self.run_window, self.tile_height()).0
     }
 
     /// The height of its tiles.
@@ -421,17 +284,18 @@ impl Film {
     pub fn counts_of(
         &self,
         window: Window,
-        own: Option<&[u32]>,
+        net_sizes: Option<&[u32]>,
     ) -> Vec<f64> {
         let counts = self.values(window, 0., |_, p| p.count() as f64);
-        let (whole, (left, top)) = (self.whole, window.corner);
+        let (run, (left, top)) = (self.run_window, window.corner);
         let at = |i: u32| {
             let (x, y) =
                 (left + i % window.size.0, top + i / window.size.0);
-            (y - whole.corner.1) * whole.size.0 + x - whole.corner.0
+            (y - run.corner.1) * run.size.0 + x - run.corner.0
         };
         let each = |i| {
-            own.map_or(self.replicate, |own| own[at(i) as usize].into())
+            net_sizes
+                .map_or(self.net_size, |sizes| sizes[at(i) as usize].into())
                 as f64
         };
         (0..).zip(counts).map(|(i, count)| count * each(i)).collect()
@@ -441,7 +305,7 @@ impl Film {
     pub fn samples(&self) -> u64 {
         let tiles = self.tiles.iter();
         let counts = tiles.map(|tile| self.pixels[tile.start].count());
-        counts.min().unwrap_or(0) * self.replicate
+        counts.min().unwrap_or(0) * self.net_size
     }
 
     /// The number of pixels without a sample.
@@ -460,8 +324,8 @@ impl Film {
 
     /// The same film, whose accumulators take one value for so many samples.
     /// It must be empty.
-    pub fn with_replicates(self, samples: u64) -> Self {
-        Self { replicate: samples, ..self }
+    pub fn with_net_size(self, samples: u64) -> Self {
+        Self { net_size: samples, ..self }
     }
 
     /// The same film, whose pixels share random numbers within a tile. It must
@@ -473,7 +337,7 @@ impl Film {
 
     /// The same film, which keeps halves. It must be empty.
     pub fn with_halves(mut self) -> Self {
-        self.halves = vec![Halves::default(); self.pixels.len()];
+        self.halves = vec![HalfBuffers::default(); self.pixels.len()];
         self
     }
 
@@ -486,16 +350,16 @@ impl Film {
             let place = self.place(tile.corner.0, tile.corner.1);
             let Tile { start, size, .. } = self.tiles[place];
             assert_eq!(size, tile.size, "the tile at {:?}", tile.corner);
-            let own = &mut self.pixels[start..];
+            let sums = &mut self.pixels[start..];
             let more = &part.pixels[tile.start..][..tile.area()];
-            own.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
+            sums.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
             if let Some(mean) = part.tile_means.get(number) {
                 self.tile_means[place].merge(mean);
             }
             if !self.halves.is_empty() {
-                let own = &mut self.halves[start..];
+                let halves = &mut self.halves[start..];
                 let more = &part.halves[tile.start..][..tile.area()];
-                add_halves(own, more);
+                add_halves(halves, more);
             }
         }
     }
@@ -522,204 +386,5 @@ impl Film {
             *sum = i64::from_le_bytes(bytes);
         }
         Ok(())
-    }
-
-    /// Summarises the image, with the errors that [`Film::errors`] gives
-    /// for [`WORTH`].
-    pub fn summary(&self) -> Summary {
-        let few = self.samples() < 2 * self.replicate;
-        // Sum numbers of all pixels over rows
-        let rows = self.bands().flat_map_iter(|band| {
-            let means = self.values(band, 0., |_, p| p.mean()).into_iter();
-            let errors = match few {
-                true => vec![DVec2::INFINITY; band.area()],
-                false => self.errors_and_variances(WORTH, band),
-            };
-            let pixels = means.zip(errors).map(|(mean, e)| {
-                DVec3::new(mean, e.x * e.x, f64::from(e.y == 0.))
-            });
-            let pixels: Vec<DVec3> = pixels.collect();
-            let rows = pixels.chunks(self.window.size.0 as usize);
-            rows.map(|row| row.iter().sum()).collect::<Vec<DVec3>>()
-        });
-        let sums: DVec3 = rows.collect::<Vec<_>>().iter().sum();
-        let [radiance, squares, constant] = sums.to_array();
-        // Conclude from the sums
-        let Self { tiles, tile_means: means, .. } = self;
-        let tiles = tiles.iter().zip(means).map(|(tile, mean)| {
-            (tile.area() as f64 * mean.standard_error()).powi(2)
-        });
-        let all = if means.is_empty() { squares } else { tiles.sum() };
-        let n = self.area() as f64;
-        let sampled = self.area() - self.unsampled();
-        Summary {
-            mean: radiance / sampled.max(1) as f64,
-            mean_stderr: f64::sqrt(all) / n,
-            rmse: (squares / n).sqrt(),
-            constant: constant as u64,
-        }
-    }
-}
-
-/// The number of cells that Hilbert's curve visits before the cell
-/// (`x`, `y`) of a grid of `side` by `side`, a power of two.
-fn along_curve(side: u32, mut x: u32, mut y: u32) -> u64 {
-    let mut cells = 0;
-    let mut s = side / 2;
-    while s > 0 {
-        let (right, lower) = (x & s > 0, y & s > 0);
-        let before = (3 * u64::from(right)) ^ u64::from(lower);
-        cells += before * u64::from(s) * u64::from(s);
-        (x, y) = match (right, lower) {
-            (_, true) => (x, y),
-            (false, _) => (y, x),
-            (true, _) => (!y, !x),
-        };
-        s /= 2;
-    }
-    cells
-}
-
-/// The numbers below `n`, such that those before any place are spread
-/// evenly (van der Corput 1935).
-fn van_der_corput(n: usize) -> impl Iterator<Item = usize> {
-    let all = 0..n.next_power_of_two();
-    let bits = all.end.trailing_zeros();
-    let reversed = move |i: usize| i.reverse_bits().rotate_left(bits);
-    all.map(reversed).filter(move |&i| i < n)
-}
-
-/// What is known about an image as a whole.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Summary {
-    /// The mean radiance over the pixels.
-    pub mean: f64,
-    /// Its standard error; infinite while unknown.
-    pub mean_stderr: f64,
-    /// The root of the mean square standard error of the pixels;
-    /// infinite while unknown.
-    pub rmse: f64,
-    /// The number of pixels whose samples are all alike.
-    pub constant: u64,
-}
-
-/// How far a pixel looks for neighbours, in pixels.
-const REACH: u32 = 2;
-
-/// How many samples the variance of the neighbours is worth.
-pub const WORTH: f64 = 4.;
-
-impl Film {
-    /// The standard errors of the pixels of a window, row by row; infinite
-    /// where unknown. The variance that a pixel has seen is combined with that
-    /// of its neighbours, which counts as `worth` values ([`WORTH`]; 0 leaves
-    /// the neighbours out).
-    pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
-        let pixels = self.errors_and_variances(worth, window).into_iter();
-        pixels.map(|pixel| pixel.x).collect()
-    }
-
-    /// The same, each with the variance that the pixel itself has seen.
-    fn errors_and_variances(
-        &self,
-        worth: f64,
-        window: Window,
-    ) -> Vec<DVec2> {
-        // Compute the variances of the window and its frame
-        let all = window.grown(REACH, self.window);
-        let variances =
-            self.values(all, f64::INFINITY, |_, p| p.variance());
-        let counts = self.values(window, 0., |_, p| p.count() as f64);
-        let (width, columns) =
-            (all.size.0 as usize, window.size.0 as usize);
-        let rows: Vec<&[f64]> = variances.chunks(width).collect();
-        let left = (window.corner.0 - all.corner.0) as usize;
-        let top = (window.corner.1 - all.corner.1) as usize;
-        let near = |i: usize, end: usize| {
-            i.saturating_sub(REACH as usize)
-                ..(i + REACH as usize + 1).min(end)
-        };
-        let mut errors = Vec::with_capacity(window.area());
-        for (y, counts) in (top..).zip(counts.chunks(columns)) {
-            // Sum the variances of each column
-            let mut sums = vec![DVec2::ZERO; width];
-            for row in &rows[near(y, rows.len())] {
-                for (sum, &variance) in sums.iter_mut().zip(*row) {
-                    let counts = variance.is_finite();
-                    let known = DVec2::new(variance, 1.);
-                    *sum += if counts { known } else { DVec2::ZERO };
-                }
-            }
-            for (x, n) in (left..).zip(counts) {
-                // Compute the error of a pixel
-                let own = rows[y][x];
-                let square: DVec2 = sums[near(x, width)].iter().sum();
-                let [sum, count] =
-                    (square - DVec2::new(own, 1.)).to_array();
-                let alone = count == 0. || self.is_list;
-                let variance = if alone || !own.is_finite() {
-                    own
-                } else {
-                    ((n - 1.) * own + worth * (sum / count))
-                        / (n - 1. + worth)
-                };
-                errors.push(DVec2::new((variance / n).sqrt(), own));
-            }
-        }
-        errors
-    }
-
-    /// An error of the image; infinite if it is unknown.
-    pub fn error(&self, measure: Measure) -> f64 {
-        let sums = self.bands().map(|band| {
-            let errors = self.errors(WORTH, band).into_iter();
-            let squares =
-                errors.zip(self.means_of(band)).map(|(error, mean)| {
-                    let whole = if measure.relative { mean } else { 1. };
-                    let is_exact = error == 0. || whole == 0.;
-                    let part = if is_exact { 0. } else { error / whole };
-                    if part.is_nan() { f64::INFINITY } else { part * part }
-                });
-            squares.fold([0., 0.], |[sum, most]: [f64; 2], square| {
-                [sum + square, most.max(square)]
-            })
-        });
-        let sums: Vec<[f64; 2]> = sums.collect();
-        let most = sums.iter().map(|sums| sums[1]).fold(0., f64::max);
-        let mean = sums.iter().map(|sums| sums[0]).sum::<f64>();
-        let mean = mean / self.area() as f64;
-        if measure.largest { most.sqrt() } else { mean.sqrt() }
-    }
-
-    /// The standard error with which each pixel of a window counts in a sum
-    /// over whole tiles, row by row: that of the mean of its tile
-    /// times the root of the number of its pixels; infinite where unknown.
-    /// None if the pixels are independent.
-    pub fn tile_errors(&self, window: Window) -> Option<Vec<f64>> {
-        let Self { tiles, tile_means, .. } = self;
-        let error = |place: usize, _: &Accumulator| {
-            let root = (tiles[place].area() as f64).sqrt();
-            root * tile_means[place].standard_error()
-        };
-        let shared = !tile_means.is_empty();
-        shared.then(|| self.values(window, f64::INFINITY, error))
-    }
-}
-
-/// Which error is held against a target.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize,
-)]
-pub struct Measure {
-    /// As a part of the mean of each pixel.
-    pub relative: bool,
-    /// That of the worst pixel, not the root mean square of all.
-    pub largest: bool,
-}
-
-impl Measure {
-    /// Whether it is the root mean square of all.
-    pub fn is_usual(&self) -> bool {
-        *self == Self::default()
     }
 }

@@ -51,10 +51,10 @@ impl FirstHits {
         let width = window.size.0 as usize;
         // Find the edges
         let edge = |p: usize| {
-            let own = hits[p].as_ref()?;
+            let hit = hits[p].as_ref()?;
             let mut around = around(p, (1, 1), width, hits.len());
             around.try_fold(false, |edge, (q, _)| {
-                Some(edge || !is_like(own, hits[q].as_ref()?))
+                Some(edge || !is_like(hit, hits[q].as_ref()?))
             })
         };
         let edges = (0..hits.len()).into_par_iter().map(edge).collect();
@@ -73,7 +73,7 @@ impl FirstHits {
         };
         let cover_all =
             |_| (0..hits.len()).into_par_iter().map(cover).collect();
-        let opacity = view.sky.behind.map(cover_all);
+        let opacity = view.sky.background.map(cover_all);
         Self { width, edges, hits, opacity }
     }
 }
@@ -105,8 +105,8 @@ fn around(
 ) -> impl Iterator<Item = (usize, f32)> {
     let weight = |i: isize| [6., 4., 1.][i.unsigned_abs()];
     let steps = move || -reach..=reach;
-    let all = steps().flat_map(move |j| steps().map(move |i| (i, j)));
-    all.filter_map(move |(i, j)| {
+    let offsets = steps().flat_map(move |j| steps().map(move |i| (i, j)));
+    offsets.filter_map(move |(i, j)| {
         let x = (p % width).checked_add_signed(i * step)?;
         let y = (p / width).checked_add_signed(j * step)?;
         let q = y * width + x;
@@ -126,10 +126,10 @@ fn smooth(
         if !belongs(p, p) {
             return values[p];
         }
-        let all = around(p, (2, step), width, values.len());
-        let own = all.filter(|&(q, _)| belongs(p, q));
+        let neighbours = around(p, (2, step), width, values.len());
+        let members = neighbours.filter(|&(q, _)| belongs(p, q));
         let (mut sum, mut total) = (Vec2::ZERO, 0.);
-        for (q, weight) in own {
+        for (q, weight) in members {
             sum += weight * values[q];
             total += weight;
         }
@@ -158,8 +158,8 @@ pub struct PictureError {
 /// The halves of an image while it is filtered.
 struct Filter {
     width: usize,
-    /// The share of each half in the picture.
-    shares: Vec<Vec2>,
+    /// The weight of each half in the picture.
+    weights: Vec<Vec2>,
     /// The halves as they are.
     whole: Vec<Vec2>,
 }
@@ -170,8 +170,8 @@ impl Filter {
     fn error(&self, p: usize, shown: Vec2) -> DVec2 {
         let bias = (shown - self.whole[p]).as_dvec2();
         let difference = f64::from(shown.x - shown.y);
-        let shares = f64::from(self.shares[p].x * self.shares[p].y);
-        DVec2::new(shares * difference * difference, bias.x * bias.y)
+        let weights = f64::from(self.weights[p].x * self.weights[p].y);
+        DVec2::new(weights * difference * difference, bias.x * bias.y)
     }
 
     /// Filters a part of an image, to which the rest is added, as widely as
@@ -183,11 +183,11 @@ impl Filter {
         belongs: impl Fn(usize, usize) -> bool + Sync,
     ) -> (Vec<Vec2>, DVec2) {
         // Judge a mixture of two rounds
-        let judge = |now: &[Vec2], next: &[Vec2], share| -> DVec2 {
+        let judge = |now: &[Vec2], next: &[Vec2], blend| -> DVec2 {
             let row = |first: usize| -> DVec2 {
                 let pixels = first..first + self.width;
                 let shown =
-                    |p| rest[p] + Vec2::lerp(now[p], next[p], share);
+                    |p| rest[p] + Vec2::lerp(now[p], next[p], blend);
                 pixels.map(|p| self.error(p, shown(p))).sum()
             };
             let rows = (0..rest.len()).into_par_iter().step_by(self.width);
@@ -199,11 +199,11 @@ impl Filter {
         let is_zero = now.iter().all(|halves| *halves == Vec2::ZERO);
         for level in 0..if is_zero { 0 } else { 5 } {
             let next = smooth(&now, self.width, 1 << level, &belongs);
-            for share in [0.25, 0.5, 0.75, 1.] {
-                let error = judge(&now, &next, share);
+            for blend in [0.25, 0.5, 0.75, 1.] {
+                let error = judge(&now, &next, blend);
                 if error.element_sum() < best.1.element_sum() {
                     let pairs = now.iter().zip(&next);
-                    let mixed = pairs.map(|(a, b)| a.lerp(*b, share));
+                    let mixed = pairs.map(|(a, b)| a.lerp(*b, blend));
                     best = (mixed.collect(), error);
                 }
             }
@@ -230,9 +230,9 @@ impl Filtered {
         };
         let (gathered, corrected) = (mean(0), mean(1));
         let whole = gathered.iter().zip(&corrected).map(|(g, c)| g + c);
-        let shares = counts.iter().map(|n| n / n.element_sum());
-        let (shares, whole) = (shares.collect(), whole.collect());
-        let filter = Filter { width, shares, whole };
+        let weights = counts.iter().map(|n| n / n.element_sum());
+        let (weights, whole) = (weights.collect(), whole.collect());
+        let filter = Filter { width, weights, whole };
         let same =
             |p: usize, q: usize| hits[p].is_some() == hits[q].is_some();
         let (corrected, _) = filter.best(corrected, &gathered, same);
@@ -250,8 +250,8 @@ impl Filtered {
         let shown = gathered.iter().zip(&corrected).map(|(g, c)| g + c);
         let shown: Vec<Vec2> = shown.collect();
         let variance = |(p, &shown)| filter.error(p, shown).x as f32;
-        let all = shown.iter().enumerate().map(variance);
-        let mut variances: Vec<_> = all.map(Vec2::splat).collect();
+        let estimates = shown.iter().enumerate().map(variance);
+        let mut variances: Vec<_> = estimates.map(Vec2::splat).collect();
         for level in 0..3 {
             variances = smooth(&variances, width, 1 << level, &same);
         }
@@ -259,8 +259,9 @@ impl Filtered {
         let (rmse, bias) = ((error.x + square).sqrt(), square.sqrt());
         let errors =
             variances.iter().map(|v| (f64::from(v.x) + square).sqrt());
-        let means = shown.iter().zip(&filter.shares);
-        let means = means.map(|(halves, share)| halves.dot(*share).into());
+        let means = shown.iter().zip(&filter.weights);
+        let means =
+            means.map(|(halves, weight)| halves.dot(*weight).into());
         let (columns, rows) = film.window.size;
         let (errors, means) = (Some(errors.collect()), means.collect());
         let image = Image { errors, ..Image::plain(columns, rows, means) };

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use crate::integrator::{Alone, Together};
+use crate::integrator::{Communicator, SingleProcess};
 
 /// What a program hears while a scene is prepared.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,7 +42,7 @@ pub struct Host<'a> {
     /// Hears events, from any thread.
     pub listen: &'a (dyn Fn(Event) + Sync),
     /// The processes that render together.
-    pub ranks: &'a dyn Together,
+    pub ranks: &'a dyn Communicator,
     /// When the program began: limits of time count from here.
     pub start: Instant,
 }
@@ -50,7 +50,11 @@ pub struct Host<'a> {
 /// One process, which does not listen.
 impl Default for Host<'_> {
     fn default() -> Self {
-        Self { listen: &|_| (), ranks: &Alone, start: Instant::now() }
+        Self {
+            listen: &|_| (),
+            ranks: &SingleProcess,
+            start: Instant::now(),
+        }
     }
 }
 

@@ -101,7 +101,7 @@ pub struct Share {
 }
 
 /// The processes that learn the same, each a part of it.
-pub trait Together: Sync {
+pub trait Communicator: Sync {
     /// The place of this process among all, and their number.
     fn place(&self) -> (usize, usize) {
         (0, 1)
@@ -110,8 +110,12 @@ pub trait Together: Sync {
     /// Tells the others some bytes; returns those of all processes, in the
     /// order of their places. All call it alike. Asks `watch` while it
     /// waits, and waits on whatever that says.
-    fn put<'a>(&self, own: &'a [u8], _watch: &Watch) -> Cow<'a, [u8]> {
-        own.into()
+    fn all_gather<'a>(
+        &self,
+        bytes: &'a [u8],
+        _watch: &Watch,
+    ) -> Cow<'a, [u8]> {
+        bytes.into()
     }
 
     /// What the first process has, for all. All call it alike.
@@ -124,13 +128,13 @@ pub trait Together: Sync {
 }
 
 /// One process.
-pub struct Alone;
+pub struct SingleProcess;
 
-impl Together for Alone {}
+impl Communicator for SingleProcess {}
 
 /// Follows one path, weakened by the albedo at each bounce until its
-/// throughput is below `FAINT`; then the albedo is the probability that it
-/// goes on. From `MANY_BOUNCES` bounces on it may end as well.
+/// throughput is below `ROULETTE_THRESHOLD`; then the albedo is the
+/// probability that it goes on. From `MANY_BOUNCES` bounces on it may end as well.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTracer<'a> {
     /// What the surfaces reflect.
@@ -144,7 +148,7 @@ pub struct PathTracer<'a> {
 
 /// The throughput below which roulette decides: that of the path tracer on
 /// Embree with which ours is compared, for the same lengths of paths.
-const FAINT: f64 = 0.1;
+const ROULETTE_THRESHOLD: f64 = 0.1;
 
 /// Bounces from which on a path ends by chance, rare in ordinary scenes.
 pub const MANY_BOUNCES: u64 = 1000;
@@ -161,7 +165,8 @@ impl<'a> PathTracer<'a> {
     pub fn control_variate(&self, hit: &Hit, direction: DVec3) -> f64 {
         let Self { surfaces, sky, .. } = self;
         let albedo = surfaces.albedo(hit.primitive);
-        albedo * (sky.share(hit.normal) - sky.radiance(direction))
+        albedo
+            * (sky.irradiance_ratio(hit.normal) - sky.radiance(direction))
     }
 }
 
@@ -171,7 +176,7 @@ pub struct PathState {
     /// How much of the radiance that comes along the ray reaches the image.
     pub throughput: f64,
     /// How many bounces there were.
-    pub count: u64,
+    pub bounces: u64,
     /// Where its ray goes.
     direction: DVec3,
     /// What the control variate adds to its contribution.
@@ -197,7 +202,7 @@ impl Integrator for PathTracer<'_> {
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> PathState {
-        PathState { throughput: 1., count: 0, direction, variate: 0. }
+        PathState { throughput: 1., bounces: 0, direction, variate: 0. }
     }
 
     #[inline(always)]
@@ -208,7 +213,7 @@ impl Integrator for PathTracer<'_> {
         sampler: &mut impl Sampler,
     ) -> PathEvent {
         let Some(hit) = hit else {
-            let radiance = match path.count {
+            let radiance = match path.bounces {
                 0 => self.sky.seen(path.direction),
                 _ => self.sky.radiance(path.direction),
             };
@@ -221,17 +226,17 @@ impl Integrator for PathTracer<'_> {
             return PathEvent::Terminate(path.variate);
         }
         // Weaken the path or play roulette
-        if path.throughput < FAINT {
-            let u = sampler.get_1d(dimension::roulette(path.count));
+        if path.throughput < ROULETTE_THRESHOLD {
+            let u = sampler.get_1d(dimension::roulette(path.bounces));
             if u >= albedo {
                 return PathEvent::Terminate(path.variate);
             }
         } else {
             path.throughput *= albedo;
-            if path.count >= MANY_BOUNCES {
+            if path.bounces >= MANY_BOUNCES {
                 // End a long path or strengthen it
-                let probability = survival(path.count);
-                let u = sampler.get_1d(dimension::roulette(path.count));
+                let probability = survival(path.bounces);
+                let u = sampler.get_1d(dimension::roulette(path.bounces));
                 if u >= probability {
                     return PathEvent::Terminate(path.variate);
                 }
@@ -239,13 +244,13 @@ impl Integrator for PathTracer<'_> {
             }
         }
         // Leave the surface in a random direction
-        let [r, turn] = sampler.get_2d(dimension::direction(path.count));
+        let [r, turn] = sampler.get_2d(dimension::direction(path.bounces));
         path.direction = cosine_direction(hit.normal, r, turn);
-        if path.count == 0 && self.control > 0. {
+        if path.bounces == 0 && self.control > 0. {
             let variate = self.control_variate(&hit, path.direction);
             path.variate = self.control * variate;
         }
-        path.count += 1;
+        path.bounces += 1;
         let ray = Ray { origin: hit.point, direction: path.direction };
         PathEvent::Scatter(ray, hit.primitive)
     }
@@ -259,6 +264,6 @@ const SAMPLE_VERSION: u32 = 4;
 pub fn identity() -> String {
     format!(
         "samples {SAMPLE_VERSION}, path tracer with \
-         roulette below {FAINT} and from {MANY_BOUNCES} bounces"
+         roulette below {ROULETTE_THRESHOLD} and from {MANY_BOUNCES} bounces"
     )
 }

@@ -201,7 +201,7 @@ impl RunKey {
     /// others.
     pub fn film_of(&self, window: Window, first: u64) -> Film {
         let mut film = self.sampling.film(self.subject.sensed.film(window));
-        (film.whole, film.first) = (self.windows()[0], first);
+        (film.run_window, film.sample_offset) = (self.windows()[0], first);
         if self.filtered { film.with_halves() } else { film }
     }
 }

@@ -27,7 +27,7 @@
 //!
 //! let mut job = Job {
 //!     sensor: &sensor, intersector: &intersector,
-//!     integrator, known: KnownPixels::NOTHING,
+//!     integrator, known_pixels: KnownPixels::NOTHING,
 //!     sampler: IndependentSampler::new(0),
 //! };
 //! let mut film = Film::new(4, 3);

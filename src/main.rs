@@ -7,8 +7,8 @@
 use std::process::ExitCode;
 
 use litpt::cli::run::main_with;
-use litpt::integrator::Alone;
+use litpt::integrator::SingleProcess;
 
 fn main() -> ExitCode {
-    main_with(&Alone)
+    main_with(&SingleProcess)
 }

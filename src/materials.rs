@@ -282,7 +282,7 @@ impl<'a> Surfaces<'a> {
 
     /// The albedo there, as a part of the largest.
     #[inline(always)]
-    pub fn share(&self, primitive: u32) -> f64 {
+    pub fn relative_albedo(&self, primitive: u32) -> f64 {
         let albedo = self.albedo(primitive);
         if albedo == self.most { 1. } else { albedo / self.most }
     }

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
-use crate::film::{Film, FilmTile, Halves, Tile, Watch};
+use crate::film::{Film, FilmTile, HalfBuffers, Tile, Watch};
 use crate::film::{add_halves, add_value};
 use crate::integrator::{Integrator, PathEvent};
 pub use crate::integrator::{Renderer, Share};
@@ -33,7 +33,7 @@ pub struct Job<'a, K, E, S = IndependentSampler> {
     /// What is averaged.
     pub integrator: E,
     /// What is known of the image beforehand.
-    pub known: &'a KnownPixels,
+    pub known_pixels: &'a KnownPixels,
     /// Chooses the random numbers.
     pub sampler: S,
 }
@@ -45,10 +45,10 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     for Job<'_, K, E, S>
 {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        let replicate = self.sampler.replicate();
-        assert_eq!(film.replicate, replicate, "replicates");
-        let first = film.first / replicate;
-        let end = first + end.div_ceil(replicate);
+        let net_size = self.sampler.net_size();
+        assert_eq!(film.net_size, net_size, "replicates");
+        let first = film.sample_offset / net_size;
+        let end = first + end.div_ceil(net_size);
         let pass = Pass { job: self, resolution: film.resolution, watch };
         let tiles = film.tiles();
         let parts =
@@ -99,8 +99,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             return None;
         }
         let (count, mut rays) = (values.end - values.start, 0);
-        let known = self.job.known.content(tile.corner);
-        if let TileContent::Constant(sample) = known {
+        let content = self.job.known_pixels.content(tile.corner);
+        if let TileContent::Constant(sample) = content {
             pixels.iter_mut().for_each(|p| p.add_times(sample, count));
             // Add a known value to both halves
             for number in values.start..values.end.min(values.start + 2) {
@@ -118,15 +118,15 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             };
             let parts = (0..count.div_ceil(size)).into_par_iter();
             let done: Option<Vec<_>> = parts.map(render).collect();
-            for (own, own_halves, more) in done? {
-                for (pixel, own) in pixels.iter_mut().zip(&own) {
-                    pixel.merge(own);
+            for (part, part_halves, more) in done? {
+                for (pixel, sum) in pixels.iter_mut().zip(&part) {
+                    pixel.merge(sum);
                 }
-                add_halves(halves, &own_halves);
+                add_halves(halves, &part_halves);
                 rays += more;
             }
         }
-        let samples = count * self.job.sampler.replicate();
+        let samples = count * self.job.sampler.net_size();
         (self.watch)(samples.saturating_mul(pixels.len() as u64));
         Some(rays)
     }
@@ -139,27 +139,27 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         tile: Tile,
         values: Range<u64>,
         keeps_halves: bool,
-    ) -> Option<(Vec<Accumulator>, Vec<Halves>, u64)> {
+    ) -> Option<(Vec<Accumulator>, Vec<HalfBuffers>, u64)> {
         let trace = |samples| {
             let intersector = self.job.intersector;
             intersector.dispatch(Trace { pass: self, tile, samples })
         };
-        let replicate = self.job.sampler.replicate();
-        if replicate == 1 && !keeps_halves {
+        let net_size = self.job.sampler.net_size();
+        if net_size == 1 && !keeps_halves {
             return trace(values).map(|(sums, rays)| (sums, vec![], rays));
         }
         let mut sums = vec![Accumulator::default(); tile.area()];
         let kept = if keeps_halves { tile.area() } else { 0 };
-        let mut halves = vec![Halves::default(); kept];
+        let mut halves = vec![HalfBuffers::default(); kept];
         let mut rays = 0;
         for value in values {
-            let (own, more) =
-                trace(value * replicate..(value + 1) * replicate)?;
-            for (sum, own) in sums.iter_mut().zip(&own) {
-                sum.add(own.mean());
+            let (net, more) =
+                trace(value * net_size..(value + 1) * net_size)?;
+            for (sum, net) in sums.iter_mut().zip(&net) {
+                sum.add(net.mean());
             }
-            for (halves, own) in halves.iter_mut().zip(&own) {
-                add_value(halves, value, [own.mean(), 0.]);
+            for (halves, net) in halves.iter_mut().zip(&net) {
+                add_value(halves, value, [net.mean(), 0.]);
             }
             rays += more;
         }
@@ -178,7 +178,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         tile: Tile,
         pixels: &mut [Accumulator],
     ) -> u64 {
-        let Job { sensor, known, integrator, .. } = self.job;
+        let Job { sensor, known_pixels, integrator, .. } = self.job;
         // Choose a point of the image for each path
         let (width, _) = self.resolution;
         let mut places = [None; BEAM];
@@ -191,11 +191,12 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             places[i] = Some(((x, y), sampler.get_pixel_2d()));
             Some((pixel, sampler))
         });
-        let sees_sky = known.content(tile.corner) == TileContent::Sky;
+        let sees_sky =
+            known_pixels.content(tile.corner) == TileContent::Sky;
         let Starts { directions, hits, rays } =
             sensor.starts(intersector, &places, self.resolution, sees_sky);
         for i in 0..BEAM {
-            // Take a path on from the end of its first ray
+            // Advance a path from its first hit
             let Some((pixel, mut sampler)) = started[i].take() else {
                 break;
             };
@@ -241,7 +242,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
         let (mut rays, mut turns) = (0, 0u64);
         let is_black = pass.job.integrator.is_black();
         loop {
-            // Put begun paths under way
+            // Start queued paths
             if begun.is_empty() && to_begin.peek().is_some() {
                 let batch = to_begin.by_ref().take(BEAM);
                 rays += pass.begin(
@@ -264,7 +265,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
             if turns.is_multiple_of(256) && !(pass.watch)(0) {
                 return None;
             }
-            // Take each path one ray further
+            // Advance each path by one ray
             under_way.retain_mut(|flight| {
                 rays += 1;
                 let PathInFlight { path, sampler, ray, from, .. } = flight;

@@ -7,9 +7,9 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::film::{Film, Measure, Summary};
+use crate::film::{ErrorNorm, Film, Summary};
 use crate::host::Interrupt;
-use crate::render::choose::{DECISIVE, samples_to_error};
+use crate::render::choose::{MIN_PATHS, samples_to_error};
 use crate::render::{Renderer, Share};
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +28,7 @@ pub struct Limits<'a> {
     /// The error to reach.
     pub error: Option<f64>,
     /// Which error that is.
-    pub measure: Measure,
+    pub measure: ErrorNorm,
     /// Stops the run when a signal arrives.
     pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
@@ -109,8 +109,8 @@ pub struct CurvePoint {
 
 impl CurvePoint {
     /// The error of a measure that is held against a target, if it is known.
-    pub fn judged(&self, measure: Measure) -> Option<f64> {
-        if measure.is_usual() { self.rmse } else { self.target_error }
+    pub fn judged(&self, measure: ErrorNorm) -> Option<f64> {
+        if measure.is_rms() { self.rmse } else { self.target_error }
     }
 }
 
@@ -140,7 +140,7 @@ pub struct Convergence {
     pub ranks: Vec<Share>,
     /// Which error is held against a target.
     #[serde(skip)]
-    measure: Measure,
+    measure: ErrorNorm,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
@@ -306,7 +306,7 @@ impl Convergence {
         let unseen = 3. / (paths * self.spp as f64);
         let enough = |rmse| rmse * rmse + unseen <= error * error;
         let step = self.last();
-        let is_recent = step.spp == self.spp && paths >= DECISIVE;
+        let is_recent = step.spp == self.spp && paths >= MIN_PATHS;
         is_recent && step.judged(self.measure).is_some_and(enough)
     }
 
@@ -321,7 +321,7 @@ impl Convergence {
         self.constant_pixels = constant;
         let finite = |x: f64| x.is_finite().then_some(x);
         let &Limits { measure, reference, .. } = limits;
-        let judged = (!measure.is_usual()).then(|| film.error(measure));
+        let judged = (!measure.is_rms()).then(|| film.error(measure));
         let truth = reference.filter(|_| spp > 0);
         self.curve.push(CurvePoint {
             spp,

@@ -29,7 +29,7 @@
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use crate::film::{Film, WORTH};
+use crate::film::{Film, NEIGHBOUR_WEIGHT};
 use crate::host::{Host, Interrupt};
 use crate::inputs::in_first_rank;
 use crate::integrator::gather::Learnt;
@@ -103,7 +103,7 @@ impl<'a> Run<'a> {
                 scene_sha256: world.file.sha256.clone(),
                 subject: subject.clone(),
                 sampling,
-                part: plan.part_of_nets(sampling.replicate),
+                part: plan.part_of_nets(sampling.net_size),
                 filtered: keeps_halves(plan, sampling, had_halves, host),
             })
         })?;
@@ -115,7 +115,7 @@ impl<'a> Run<'a> {
 
     /// The samples of each pixel to render here, if they are limited.
     pub fn goal(&self) -> Option<u64> {
-        self.plan.goal(self.key.sampling.replicate)
+        self.plan.goal(self.key.sampling.net_size)
     }
 
     /// The film and what it has so far: nothing yet, or what is saved.
@@ -132,7 +132,7 @@ impl<'a> Run<'a> {
         let goal = self.goal();
         let is_part = self.plan.part.is_some_and(|part| part.count() > 0);
         if is_part && goal == Some(0) {
-            let together = film.replicate;
+            let together = film.net_size;
             self.host.warn(format!(
                 "the part has no sample: {together} are placed together"
             ));
@@ -169,7 +169,7 @@ impl<'a> Run<'a> {
 
     /// The limits that the plan sets.
     pub fn limits(&self) -> Limits<'a> {
-        let is_found = self.world.analysis.known.is_all();
+        let is_found = self.world.analysis.known_pixels.is_all();
         let (error, measure) = self.plan.budget.error.unzip();
         Limits {
             samples: self.goal().or(is_found.then_some(2)),
@@ -259,7 +259,7 @@ impl Rendering<'_> {
             let values = table.values(all, film, None).into_iter();
             return values.map(|(pair, _)| pair.map(f64::from)).collect();
         }
-        let errors = film.errors(WORTH, film.window);
+        let errors = film.errors(NEIGHBOUR_WEIGHT, film.window);
         film.means().zip(errors).map(Into::into).collect()
     }
 }

@@ -152,7 +152,7 @@ impl<'a> RunOutput<'a> {
                 stops_of(exposure.unwrap_or(Exposure::Auto));
         }
         let stops = known.report.exposure.filter(|&stops| stops != 0.);
-        let behind = known.run_key.subject.sky.behind;
+        let behind = known.run_key.subject.sky.background;
         let is_exr = has(Product::Image(Format::Exr));
         let auto = is_exr.then(|| *auto);
         let cut = behind.filter(|_| is_png || is_exr);
@@ -242,7 +242,7 @@ impl<'a> RunOutput<'a> {
         let threads = rayon::current_num_threads() as f64;
         let is_filtered = self.known.run_key.filtered;
         let filter = if is_filtered { 5000. / threads } else { 0. };
-        let is_cut = self.known.run_key.subject.sky.behind.is_some();
+        let is_cut = self.known.run_key.subject.sky.background.is_some();
         let cut = if is_cut { 5000. / threads } else { 0. };
         let all = summary + files + filter + cut;
         [none, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)

@@ -17,7 +17,7 @@ use crate::numerics::sincos_turns;
 pub trait Sampler: Clone + Send + Sync {
     /// The number of consecutive samples of a pixel, at least 1, that are
     /// placed together; what is placed apart is independent.
-    fn replicate(&self) -> u64;
+    fn net_size(&self) -> u64;
 
     /// The sampler of sample `index` of a pixel, by their numbers.
     fn start(&self, pixel: u64, index: u64) -> Self;
@@ -80,7 +80,7 @@ impl IndependentSampler {
 
 impl Sampler for IndependentSampler {
     #[inline(always)]
-    fn replicate(&self) -> u64 {
+    fn net_size(&self) -> u64 {
         1
     }
 

@@ -179,11 +179,12 @@ impl Receivers {
         let [u, v] = u.map(to_unit);
         // Choose a point of a face
         let at = u * parts[parts.len() - 1].1;
-        let part = parts.partition_point(|&(_, until)| until <= at);
+        let part = parts
+            .partition_point(|&(_, cumulative_area)| cumulative_area <= at);
         let before = if part == 0 { 0. } else { parts[part - 1].1 };
-        let (corners, until) = parts[part];
+        let (corners, cumulative_area) = parts[part];
         let [a, b, c] = corners;
-        let root = ((at - before) / (until - before)).sqrt();
+        let root = ((at - before) / (cumulative_area - before)).sqrt();
         let point = a + ((b - a) * (1. - v) + (c - a) * v) * root;
         let normal = cross(b - a, c - a);
         let across = if *is_back { -normal } else { normal };
@@ -199,11 +200,11 @@ impl Receivers {
                 frame.entrance(place).place().ok_or("too far away")?;
             point(place, normalise(normal).normalize_or_zero())
         });
-        Self::sifted(all.collect(), vec![])
+        Self::partition_valid(all.collect(), vec![])
     }
 
     /// Those that may have a value, and the others.
-    fn sifted(
+    fn partition_valid(
         all: Vec<Result<Receiver, &'static str>>,
         parts: Vec<(Triangle, f64)>,
     ) -> Self {
@@ -226,7 +227,7 @@ impl Receivers {
 
     /// Puts them in the order of their keys, without those that cannot have a
     /// value there.
-    pub fn settle(
+    pub fn order(
         &mut self,
         around: Around,
         key: impl Fn(&Hit) -> u64 + Sync,
@@ -412,7 +413,7 @@ impl Receivers {
         let all = places.iter().zip(normals);
         let all =
             all.map(|(&p, normal)| point(p, normal.normalize_or_zero()));
-        Self::sifted(all.collect(), vec![])
+        Self::partition_valid(all.collect(), vec![])
     }
 
     /// The faces with these triangles, given the face of each, on these sides;
@@ -425,12 +426,12 @@ impl Receivers {
         let (mut all, mut parts) = (vec![], vec![]);
         for face in faces.chunk_by(|a, b| a == b) {
             // Take the triangles of a face
-            let (start, mut until) = (parts.len(), 0.);
+            let (start, mut cumulative_area) = (parts.len(), 0.);
             for [a, b, c] in triangles.by_ref().take(face.len()) {
                 let area = cross(b - a, c - a).length();
-                until += area;
+                cumulative_area += area;
                 if area > 0. {
-                    parts.push(([a, b, c], until));
+                    parts.push(([a, b, c], cumulative_area));
                 }
             }
             let own = start..parts.len();
@@ -439,7 +440,7 @@ impl Receivers {
             let side = |&is_back| Ok(Receiver::Face(own.clone()?, is_back));
             all.extend(backs.iter().map(side));
         }
-        Self::sifted(all, parts)
+        Self::partition_valid(all, parts)
     }
 }
 

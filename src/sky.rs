@@ -38,7 +38,7 @@ pub struct Sky {
     /// The radiance that a camera sees where it looks past all surfaces,
     /// in all directions, unless it sees the sky.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub behind: Option<f64>,
+    pub background: Option<f64>,
 }
 
 impl Sky {
@@ -54,7 +54,7 @@ impl Sky {
     /// The sky around a zenith, whose vector is not zero.
     pub fn with(zenith: DVec3, cover: Cover) -> Self {
         let zenith = normalise(zenith).normalize();
-        Self { zenith, cover, behind: None }
+        Self { zenith, cover, background: None }
     }
 
     /// The radiance that arrives from `direction`, if nothing is in the way.
@@ -72,7 +72,7 @@ impl Sky {
     /// The radiance that a camera sees in `direction` if no surface is there.
     #[inline(always)]
     pub fn seen(&self, direction: DVec3) -> f64 {
-        self.behind.unwrap_or_else(|| self.radiance(direction))
+        self.background.unwrap_or_else(|| self.radiance(direction))
     }
 
     /// Whether all directions above the horizon have the radiance 1.
@@ -82,7 +82,7 @@ impl Sky {
 
     /// What a surface with this unit normal gets if nothing is in the way,
     /// in units of what a horizontal one gets: in [0, 1].
-    pub fn share(&self, normal: DVec3) -> f64 {
+    pub fn irradiance_ratio(&self, normal: DVec3) -> f64 {
         let cosine = self.zenith.dot(normal).clamp(-1., 1.);
         let uniform = 0.5 + 0.5 * cosine;
         match self.cover {

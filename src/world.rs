@@ -137,7 +137,7 @@ impl World {
             let has_sides =
                 plan.points().is_some() && left_out[1].is_empty();
             let around = (&bvh, &frame, subject.sky.zenith, has_sides);
-            all.settle(around, |hit| grid.order(hit));
+            all.order(around, |hit| grid.order(hit));
             warn_all(table, table.odd(all, |why, _| why != INSIDE), host);
             check_receivers(plan, table, all.count(), &mut subject)?;
         }
@@ -175,10 +175,10 @@ impl World {
         let Self { left_out, bvh, .. } = &*self;
         let analysis =
             SceneAnalysis::find(left_out, bvh, &self.view(), kept);
-        let (found, area) = analysis.known.count();
+        let (found, area) = analysis.known_pixels.count();
         let last = analysis.left_out().last();
         if let Some(last) = last.filter(|_| 0 < area && found == area) {
-            host.warn(&last.why);
+            host.warn(&last.reason);
         }
         self.analysis = analysis;
     }
@@ -271,8 +271,8 @@ fn subject(
     if plan.sky.zenith.is_some() && up == DVec3::Z {
         up = zenith;
     }
-    let behind = plan.camera().and_then(|camera| camera.background);
-    let sky = Sky { behind, ..Sky::with(zenith, plan.sky.cover) };
+    let background = plan.camera().and_then(|camera| camera.background);
+    let sky = Sky { background, ..Sky::with(zenith, plan.sky.cover) };
     let sensed = match (&plan.sensor, receivers) {
         (SensorPlan::Camera(camera), _) => {
             let view = view(camera, up, zenith, mesh);

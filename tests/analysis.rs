@@ -56,9 +56,11 @@ fn is_found_out(
 #[test]
 fn what_does_not_hold_is_found_out() {
     let room = named("room with a window");
-    assert!(is_found_out(&room, |f| f.known = KnownPixels::dark(SMALL)));
+    assert!(
+        is_found_out(&room, |f| f.known_pixels = KnownPixels::dark(SMALL))
+    );
     let check = |found: &mut SceneAnalysis| {
-        assert!(found.known.content((0, 0)) != TileContent::Scene);
+        assert!(found.known_pixels.content((0, 0)) != TileContent::Scene);
     };
     let empty = named("nothing in view");
     assert_eq!(empty.render_with(&[], SMALL, 1, &plain(), check).rays, 0);
@@ -148,7 +150,7 @@ fn tiles_beside_the_horizon_are_constant() {
     let view = empty(DVec3::new(0.2, -1., 0.1), DVec3::Z, 90.);
     let all = |found: &mut SceneAnalysis| {
         let content =
-            |i: u32| found.known.content((i % 10 * 16, i / 10 * 16));
+            |i: u32| found.known_pixels.content((i % 10 * 16, i / 10 * 16));
         let content: Vec<_> = (0..100).map(content).collect();
         let count = |c| content.iter().filter(|&&d| d == c).count();
         let counts = [TileContent::Constant(1.), TileContent::Constant(0.)];

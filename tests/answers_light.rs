@@ -127,7 +127,13 @@ fn settled(to_itself: usize) -> f64 {
     let grid = Grid::around(&[]);
     let (p, normal) = (DVec3::splat(0.5), DVec3::Z);
     let from = grid.name(p, normal);
-    let sky = Record { from, to: SKY, weight: 1., bin: 0, share: WHOLE };
+    let sky = Record {
+        from,
+        to: SKY,
+        weight: 1.,
+        bin: 0,
+        relative_albedo: WHOLE,
+    };
     let mut records = vec![sky];
     records.resize(1 + to_itself, Record { to: from, ..sky });
     let cache =
@@ -151,7 +157,13 @@ fn believer(value: f32) -> RadianceCache {
         for normal in DVec3::AXES.into_iter().flat_map(|a| [a, -a]) {
             let from = grid.name(DVec3::new(x, y, z), normal);
             let (to, bin, share) = (SKY, 0, WHOLE);
-            records.push(Record { from, to, weight: value, bin, share });
+            records.push(Record {
+                from,
+                to,
+                weight: value,
+                bin,
+                relative_albedo: share,
+            });
         }
     }
     RadianceCache::empty(grid).learn(&mut records, 1., &|_| true)
@@ -160,10 +172,11 @@ fn believer(value: f32) -> RadianceCache {
 /// The pixels of an image of one tile in so many scrambles, the means of all,
 /// and the rays of a sample.
 fn scrambles(
-    like: &Tracer<Bvh>,
+    prototype: &Tracer<Bvh>,
     count: u64,
 ) -> (Vec<Accumulator>, Accumulator, f64) {
-    let (mut tracer, window) = (Tracer { ..*like }, like.allocation.window);
+    let (mut tracer, window) =
+        (Tracer { ..*prototype }, prototype.allocation.window);
     let tile = Film::new(window.size.0, window.size.1).tiles()[0].tile;
     let mut pixels = vec![Accumulator::default(); window.area()];
     let mut mean = Accumulator::default();
@@ -172,7 +185,7 @@ fn scrambles(
         mean.add(values.iter().sum::<f64>() / values.len() as f64);
         pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
     }
-    let samples: u32 = like.allocation.counts.iter().sum();
+    let samples: u32 = prototype.allocation.counts.iter().sum();
     (pixels, mean, tracer.rays as f64 / f64::from(samples) / count as f64)
 }
 
@@ -187,8 +200,9 @@ fn gather(
     let gather = &Gather { seed: 4, correction, ..setting.gather((4, 4)) };
     let allocation = &Allocation::even(Film::new(4, 4).window);
     let intersector = gather.intersector;
-    let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (pixels, mut sum, rays) = scrambles(&like, count);
+    let prototype =
+        Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let (pixels, mut sum, rays) = scrambles(&prototype, count);
     if correction.is_none() {
         sum = Accumulator::default();
         pixels.iter().for_each(|pixel| sum.merge(pixel));
@@ -235,14 +249,15 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let intersector = default.intersector;
     let cache = &RadianceCache::empty(Grid::around(&[]));
     let gather = &Gather { seed: 9, training: 1 << 17, ..default };
-    let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (cache, _) = train(&like, &|_| true).unwrap();
+    let prototype =
+        Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let (cache, _) = train(&prototype, &|_| true).unwrap();
     let correction =
         step.map(|step| Correction { step, ..Correction::default() });
     let gather =
         &Gather { seed: 4, correction, ..setting.gather((16, 16)) };
-    let like = Tracer { gather, cache: &cache, ..like };
-    let (pixels, _, rays) = scrambles(&like, 100);
+    let prototype = Tracer { gather, cache: &cache, ..prototype };
+    let (pixels, _, rays) = scrambles(&prototype, 100);
     let sum: f64 = pixels.iter().map(Accumulator::variance).sum();
     (sum / 256., rays)
 }
@@ -279,7 +294,7 @@ fn a_pixel_that_has_seen_nothing_is_believed_with_time() {
             pixel.add_times(1., ones);
             pixel.add_times(0., n - ones);
         }
-        film.errors(WORTH, film.window)[12]
+        film.errors(NEIGHBOUR_WEIGHT, film.window)[12]
     };
     near(stated(16), 0.0363, 5e-5);
     near(stated(64), 0.0094, 5e-5);
@@ -389,7 +404,8 @@ fn a_ninth_of_a_sphere_lets_out_half_of_the_light() {
 
 #[test]
 fn a_wall_above_a_plain_gets_half_of_its_light_from_there() {
-    let wall = |cover| Sky::with(DVec3::Z, cover).share(DVec3::X) + 0.1;
+    let wall =
+        |cover| Sky::with(DVec3::Z, cover).irradiance_ratio(DVec3::X) + 0.1;
     near(wall(Cover::Uniform), 0.6, 1e-12);
     near(wall(Cover::Overcast), 0.496, 5e-4);
 }

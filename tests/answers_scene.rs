@@ -92,7 +92,7 @@ fn the_longest_component_of_up_is_the_zenith() {
     let zenith = |a, b, c| {
         let sky = Sky::new(DVec3::new(a, b, c));
         let mut axes = [x, y, z, -x, -y, -z].into_iter();
-        axes.find(|&axis| sky.share(axis) == 1.).unwrap()
+        axes.find(|&axis| sky.irradiance_ratio(axis) == 1.).unwrap()
     };
     assert_eq!(zenith(-3., 2., 1.), -DVec3::X);
     assert_eq!(zenith(1., 1., 0.5), DVec3::Y);
@@ -136,7 +136,7 @@ fn a_hit_is_less_than_an_atom_before_the_wall() {
     let mut hall = cube(1);
     hall.vertices.iter_mut().for_each(|p| *p *= 50.);
     let scene = Scene::new(&hall);
-    // Measure the height of a hit in metres
+    // ErrorNorm the height of a hit in metres
     let middle = scene.frame.entrance(DVec3::ZERO).place().unwrap();
     let direction = DVec3::new(1., 0.01, 0.02).normalize();
     let ray = Ray { origin: middle, direction };

@@ -123,16 +123,16 @@ fn the_parts_of_the_variance_are_told_apart() {
     assert_eq!(rays, (2., 2., 0.));
     assert!(pilot.first > 0.02);
     assert_eq!(choice.sampling.method, Method::Sobol);
-    assert_eq!(choice.sampling.replicate, 16);
+    assert_eq!(choice.sampling.net_size, 16);
     assert_eq!(choice.sampling.control, 100);
-    assert_eq!(of(9).sampling.replicate, 2);
+    assert_eq!(of(9).sampling.net_size, 2);
     // An error that 256 samples of the reference have takes fewer by nets;
     // those of 256 would have scrambles of 64.
-    let error = Some(((pilot.first / 256.).sqrt(), Measure::default()));
+    let error = Some(((pilot.first / 256.).sqrt(), ErrorNorm::default()));
     let bounded =
         asked(Request { budget: Budget { error, ..OPEN }, ..ANY }).sampling;
     assert_eq!(bounded.method, Method::Sobol);
-    assert!(bounded.replicate < 32, "{}", bounded.replicate);
+    assert!(bounded.net_size < 32, "{}", bounded.net_size);
 }
 
 #[test]
@@ -146,13 +146,13 @@ fn few_paths_have_no_pilot_and_a_bound_of_the_error_is_a_number() {
     assert!(choice(Some(9), None).is_some());
     let many = choice(Some(256), None).unwrap();
     assert_eq!(many.sampling.method, Method::Gather);
-    assert_eq!(many.sampling.replicate, 4);
+    assert_eq!(many.sampling.net_size, 4);
     let bounded = |samples, error| {
-        choice(samples, Some((error, Measure::default()))).unwrap()
+        choice(samples, Some((error, ErrorNorm::default()))).unwrap()
     };
-    assert_eq!(bounded(None, 1e-4).sampling.replicate, 4);
-    assert_eq!(bounded(None, 0.2).sampling.replicate, 1);
-    assert_eq!(bounded(Some(16), 1e-4).sampling.replicate, 1);
+    assert_eq!(bounded(None, 1e-4).sampling.net_size, 4);
+    assert_eq!(bounded(None, 0.2).sampling.net_size, 1);
+    assert_eq!(bounded(Some(16), 1e-4).sampling.net_size, 1);
 }
 
 fn report(place: &Scratch, options: &str) -> Value {

@@ -292,7 +292,7 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
         }
     }
     let setting = sphere();
-    let Job { sensor, known, sampler, .. } = setting.job(1);
+    let Job { sensor, known_pixels, sampler, .. } = setting.job(1);
     let integrator = PathTracer::new(Surfaces::of(1.), Sky::new(DVec3::Z));
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
     {
@@ -308,8 +308,13 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
                 goes_on
             };
             let sampler = sampler.clone();
-            let mut job =
-                Job { sensor, intersector, integrator, known, sampler };
+            let mut job = Job {
+                sensor,
+                intersector,
+                integrator,
+                known_pixels,
+                sampler,
+            };
             let mut film = Film::new(size.0, size.1);
             with_threads(threads, || job.pass(&mut film, end, &watch));
             let [all, then] =
@@ -345,10 +350,11 @@ impl Integrator for Distance {
 /// A film of 64 by 64 pixels after so many samples in nets of 16 points.
 fn nets(samples: u64) -> Film {
     let setting = sphere();
-    let Job { sensor, intersector, known, .. } = setting.job(0);
+    let Job { sensor, intersector, known_pixels, .. } = setting.job(0);
     let (sampler, integrator) = (SobolSampler::new(11, 16), Distance);
-    let mut job = Job { sensor, intersector, integrator, known, sampler };
-    let mut film = Film::new(64, 64).with_replicates(16);
+    let mut job =
+        Job { sensor, intersector, integrator, known_pixels, sampler };
+    let mut film = Film::new(64, 64).with_net_size(16);
     job.pass(&mut film, samples / 3, &|_| true);
     job.pass(&mut film, samples, &|_| true);
     film

@@ -118,7 +118,7 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
     // Threads may meet the first gap at the same time.
     for gaps in [true; 9].into_iter().chain([false]) {
         let film = Film::cropped((400, 400), window, false);
-        let mut film = film.with_replicates(4).with_shared_tiles();
+        let mut film = film.with_net_size(4).with_shared_tiles();
         let tiles = film.tiles().into_iter().enumerate();
         for (i, FilmTile { pixels, mut mean, .. }) in
             tiles.filter(|t| !gaps || t.0 < 9)
@@ -135,7 +135,10 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
         Format::Exr.write(&picture, &mut written).unwrap();
         let image = picture.image();
         assert!(written == bytes(Format::Exr, &image));
-        assert_eq!(image.errors.unwrap(), film.errors(WORTH, film.window));
+        assert_eq!(
+            image.errors.unwrap(),
+            film.errors(NEIGHBOUR_WEIGHT, film.window)
+        );
     }
 }
 

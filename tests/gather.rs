@@ -293,7 +293,10 @@ fn at(cache: &RadianceCache, p: DVec3, normal: DVec3) -> Cell {
 /// So many records of one value, from a cell.
 fn told(from: u64, value: f32, count: usize) -> Vec<Record> {
     let (to, bin, share) = (SKY, 0, WHOLE);
-    vec![Record { from, to, weight: value, bin, share }; count]
+    vec![
+        Record { from, to, weight: value, bin, relative_albedo: share };
+        count
+    ]
 }
 
 #[test]
@@ -448,11 +451,11 @@ impl Stage {
         let mut points = vec![];
         while points.len() < count {
             let [x, y] = point(&mut random);
-            let mut end = tracer.look(x, y);
+            let mut end = tracer.trace_primary(x, y);
             while let End::Hit(hit) = end {
                 points.push((hit.point, hit.normal));
                 let u = [random.random(), random.random()];
-                end = tracer.shoot(&hit, None, u).end;
+                end = tracer.trace_gather_ray(&hit, None, u).end;
             }
         }
         points
@@ -489,7 +492,8 @@ fn lie(
             let [row, column] = [0; 2].map(|_| random.random_range(0..4));
             let bin = 66 + 16 * row + column;
             let (to, share) = (SKY, WHOLE);
-            let sky = Record { from, to, weight, bin, share };
+            let sky =
+                Record { from, to, weight, bin, relative_albedo: share };
             let bin = random.random_range(0..BINS as u16);
             let dark = Record { to: DARKNESS, weight: 1., bin, ..sky };
             records.push(if i % 10 == 0 { sky } else { dark });
@@ -603,7 +607,7 @@ impl Stage {
     /// A film without a sample.
     fn film(&self, replicate: u64) -> Film {
         let (width, height) = self.resolution;
-        let film = Film::new(width, height).with_replicates(replicate);
+        let film = Film::new(width, height).with_net_size(replicate);
         film.with_shared_tiles()
     }
 
@@ -716,7 +720,7 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     let gathered = |known: &KnownPixels| {
         let gather = stage.gather(5);
         let view = LitView { sensor, ..gather.view };
-        let gather = Gather { known, view, ..gather };
+        let gather = Gather { known_pixels: known, view, ..gather };
         let mut tracer = tracer(&gather, &cache, &allocation);
         (tracer.tile(tile, 0)[0].clone(), tracer.rays)
     };
@@ -759,7 +763,7 @@ fn room() -> &'static (Stage, Truth) {
 fn honesty(film: &Film, truth: &Truth) -> f64 {
     let all = film
         .means()
-        .zip(film.errors(WORTH, film.window))
+        .zip(film.errors(NEIGHBOUR_WEIGHT, film.window))
         .zip(&truth.pixels);
     let squares =
         all.map(|((mean, error), (truth, unsure)): (_, &(f64, f64))| {

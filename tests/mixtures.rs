@@ -122,7 +122,7 @@ const FLOOR: Triangle = [
     DVec3::new(4096., 4096., 0.),
 ];
 
-/// The prism lies beyond a gate, whose margins do not reach as far as the
+/// The prism lies in a nested frame, whose margins do not reach as far as the
 /// point above the floor is lifted, 2^-47 of its size: a ray that hits the
 /// floor nearer than that to the edge has to be in doubt all the same.
 #[test]

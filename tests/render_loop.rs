@@ -56,9 +56,9 @@ static WORLD: LazyLock<Setting> = LazyLock::new(|| {
 /// What the integrator makes of the inside of that sphere, which it does not
 /// see.
 fn job<E>(integrator: E, seed: u64) -> Job<'static, Nothing, E> {
-    let Job { sensor, known, sampler, .. } = WORLD.job(seed);
+    let Job { sensor, known_pixels, sampler, .. } = WORLD.job(seed);
     let intersector = &Nothing;
-    Job { sensor, intersector, integrator, known, sampler }
+    Job { sensor, intersector, integrator, known_pixels, sampler }
 }
 
 /// No limit but a number that no correct run of these tests reaches.
@@ -140,7 +140,8 @@ fn a_pixel_borrows_from_the_variance_of_its_neighbours() {
             k => vec![0., f64::from(x + 20 * y), f64::from(k)],
         });
     let known = |&(x, y): &(u32, u32)| film.pixel(x, y).count() > 1;
-    for (i, error) in (0..).zip(film.errors(WORTH, film.window)) {
+    for (i, error) in (0..).zip(film.errors(NEIGHBOUR_WEIGHT, film.window))
+    {
         let (x, y) = (i % width, i / width);
         let columns = x.saturating_sub(2)..(x + 3).min(width);
         let rows = y.saturating_sub(2)..(y + 3).min(height);
@@ -151,9 +152,9 @@ fn a_pixel_borrows_from_the_variance_of_its_neighbours() {
         let borrowed = near.iter().sum::<f64>() / near.len() as f64;
         let own = film.pixel(x, y);
         let n = own.count() as f64;
-        let sum = (n - 1.) * own.variance() + WORTH * borrowed;
+        let sum = (n - 1.) * own.variance() + NEIGHBOUR_WEIGHT * borrowed;
         let expected = match known(&(x, y)) {
-            true => f64::sqrt(sum / (n - 1. + WORTH) / n),
+            true => f64::sqrt(sum / (n - 1. + NEIGHBOUR_WEIGHT) / n),
             false => f64::INFINITY,
         };
         assert!(close(error, expected), "{x},{y}: {error} {expected}");
@@ -169,7 +170,7 @@ fn a_pixel_borrows_from_the_variance_of_its_neighbours() {
 fn the_error_of_one_value_is_zero_and_that_of_one_realisation_unknown() {
     for (count, error, constant) in [(3, 0., 63), (1, f64::INFINITY, 0)] {
         let film = image_of((9, 7), |_, _| vec![0.25; count]);
-        assert_eq!(film.errors(WORTH, film.window), [error; 63]);
+        assert_eq!(film.errors(NEIGHBOUR_WEIGHT, film.window), [error; 63]);
         let (mean, mean_stderr, rmse) = (0.25, error, error);
         let summary = Summary { mean, mean_stderr, rmse, constant };
         assert_eq!(film.summary(), summary);
@@ -184,7 +185,9 @@ fn the_summary_averages_the_squares_of_the_errors_that_pixels_state() {
     };
     let film = image_of((50, 37), weights);
     let (mut squares, mut mean, mut constant) = (0., 0., 0);
-    for (pixel, error) in film.rows().zip(film.errors(WORTH, film.window)) {
+    for (pixel, error) in
+        film.rows().zip(film.errors(NEIGHBOUR_WEIGHT, film.window))
+    {
         squares += error.powi(2);
         mean += pixel.mean();
         constant += u64::from(pixel.variance() == 0.);

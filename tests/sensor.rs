@@ -54,7 +54,7 @@ fn list(normals: &[DVec3]) -> String {
 fn a_surface_gets_the_integral_of_the_sky() {
     for cover in [Cover::Uniform, Cover::Overcast, Cover::Sphere] {
         let sky = Sky::with(DVec3::new(1., 2., 2.), cover);
-        assert!((sky.share(sky.zenith) - 1.).abs() < 1e-12);
+        assert!((sky.irradiance_ratio(sky.zenith) - 1.).abs() < 1e-12);
         for normal in normals() {
             let (n, mut sum) = (400, 0.);
             for i in 0..n * n {
@@ -67,7 +67,10 @@ fn a_surface_gets_the_integral_of_the_sky() {
                 sum += sky.radiance(w) * w.dot(normal).max(0.);
             }
             let mean = 4. * sum / f64::from(n * n);
-            assert!((mean - sky.share(normal)).abs() < 3e-3, "{normal}");
+            assert!(
+                (mean - sky.irradiance_ratio(normal)).abs() < 3e-3,
+                "{normal}"
+            );
         }
     }
 }
@@ -93,7 +96,11 @@ fn points_in_the_open_get_what_sky_and_ground_give() {
             let sky = Sky::with(DVec3::Z, cover);
             for (value, normal) in found.into_iter().zip(normals()) {
                 let from_below = ground * (0.5 - 0.5 * normal.z);
-                chance.judge(value, sky.share(normal) + from_below, 16.);
+                chance.judge(
+                    value,
+                    sky.irradiance_ratio(normal) + from_below,
+                    16.,
+                );
             }
         }
     }
@@ -397,7 +404,7 @@ fn an_image_of_one_column_is_no_list_of_receivers() {
         for (y, pixel) in (0..).zip(&mut film.pixels) {
             (0..4).for_each(|n| pixel.add(f64::from(n % 2 * y)));
         }
-        film.errors(WORTH, window)
+        film.errors(NEIGHBOUR_WEIGHT, window)
     };
     assert_eq!(film(true)[0], 0.);
     assert!(film(false)[0] > 0.);

@@ -88,7 +88,7 @@ fn the_sizes_of_sets_are_powers_of_two() {
         assert!(result.is_err(), "{points}");
     }
     for log in [0, 1, 6, 7, 30] {
-        assert_eq!(SobolSampler::new(1, 1 << log).replicate(), 1 << log);
+        assert_eq!(SobolSampler::new(1, 1 << log).net_size(), 1 << log);
     }
 }
 
@@ -264,11 +264,13 @@ fn sheets(directions: &[[f64; 2]]) -> Mesh {
 fn render<S: Sampler>(mesh: &Mesh, control: f64, sampler: S) -> [f64; 3] {
     let above = look(DVec3::new(2., 0.3, 1.5), DVec3::X, 40.);
     let setting = Setting::new(mesh, (RHO, DVec3::Z), &above, 1.5).unwrap();
-    let Job { sensor, intersector, integrator, known, .. } = setting.job(0);
-    let replicate = sampler.replicate();
-    let mut film = Film::new(24, 16).with_replicates(replicate);
+    let Job { sensor, intersector, integrator, known_pixels, .. } =
+        setting.job(0);
+    let replicate = sampler.net_size();
+    let mut film = Film::new(24, 16).with_net_size(replicate);
     let integrator = PathTracer { control, ..integrator };
-    let mut job = Job { sensor, intersector, integrator, known, sampler };
+    let mut job =
+        Job { sensor, intersector, integrator, known_pixels, sampler };
     job.pass(&mut film, 1024, &|_| true);
     let pixels = film.rows().count() as f64;
     let mean = film.means().sum::<f64>() / pixels;

@@ -36,7 +36,7 @@ fn soup() -> Mesh {
     }))
 }
 
-/// A soup with small ones in it, which are beyond gates.
+/// A soup with small ones in it, which have nested frames.
 fn clusters() -> Mesh {
     let mut mesh = soup();
     let at = mesh.vertices[5];

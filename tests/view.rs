@@ -23,7 +23,8 @@ fn image(world: &World) -> Vec<f64> {
     );
     let film = Film::cropped(view.resolution, window, false);
     let mut film = sampling.film(film);
-    let mut paths = setup.renderer(&sampling, Arc::default(), &Alone);
+    let mut paths =
+        setup.renderer(&sampling, Arc::default(), &SingleProcess);
     paths.pass(&mut film, 2, &|_| true);
     film.means().collect()
 }

@@ -18,10 +18,10 @@ use litpt::analysis::LitView;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
-use litpt::film::{Film, Measure};
+use litpt::film::{ErrorNorm, Film};
 use litpt::integrator::gather::cache::RadianceCache;
 use litpt::integrator::gather::{Allocation, Correction, Gather, Tracer};
-use litpt::integrator::{Alone, PathTracer};
+use litpt::integrator::{PathTracer, SingleProcess};
 use litpt::materials::{AlbedoTable, FaceAlbedos, Surfaces};
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
@@ -352,22 +352,22 @@ impl Setting {
         Gather {
             view: self.view(resolution),
             intersector: &self.intersector,
-            known: KnownPixels::NOTHING,
+            known_pixels: KnownPixels::NOTHING,
             seed: 0,
-            measure: Measure::default(),
+            norm: ErrorNorm::default(),
             training: 1 << 16,
             correction: Some(Correction::default()),
             learnt: Arc::default(),
-            together: &Alone,
+            communicator: &SingleProcess,
         }
     }
 
     /// The job that renders it.
     pub fn job(&self, seed: u64) -> Job<'_, Bvh, PathTracer<'_>> {
         let &Self { ref sensor, ref intersector, integrator } = self;
-        let known = KnownPixels::NOTHING;
+        let known_pixels = KnownPixels::NOTHING;
         let sampler = IndependentSampler::new(seed);
-        Job { sensor, intersector, integrator, known, sampler }
+        Job { sensor, intersector, integrator, known_pixels, sampler }
     }
 }
 

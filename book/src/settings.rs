@@ -13,7 +13,7 @@ use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Window};
-use litpt::integrator::Alone;
+use litpt::integrator::SingleProcess;
 use litpt::materials::Surfaces;
 use litpt::render::choose::{Method, Pixels, Sampling, Setup};
 use litpt::scene::{Mesh, Scene};
@@ -91,12 +91,12 @@ impl Setting {
         let start = Instant::now();
         let setup =
             Setup { intersector: &intersector, view, analysis: &analysis };
-        let mut renderer = setup.renderer(sampling, Arc::default(), &Alone);
+        let mut renderer = setup.renderer(sampling, Arc::default(), &SingleProcess);
         let rays = renderer.pass(&mut film, n, &|_| true);
         let seconds = [found, start.elapsed().as_secs_f64()];
         drop(renderer);
         let left_out =
-            analysis.left_out().map(|f| f.fact.clone()).collect();
+            analysis.left_out().map(|f| f.name.clone()).collect();
         Outcome { film, rays, seconds, left_out }
     }
 }

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 use litpt::camera::View;
-use litpt::film::{Film, WORTH};
+use litpt::film::{Film, NEIGHBOUR_WEIGHT};
 use litpt::render::Renderer;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt_book::courtyard::{mesh, view};
@@ -29,7 +29,7 @@ fn deviation(setting: &Setting, n: u64, truth: &[(f64, f64)]) -> f64 {
     let mut z = vec![];
     for seed in 1..=4 {
         let film = render(setting, seed, n);
-        let errors = film.errors(WORTH, film.window);
+        let errors = film.errors(NEIGHBOUR_WEIGHT, film.window);
         for ((mean, error), (exact, unsure)) in
             film.means().zip(errors).zip(truth)
         {

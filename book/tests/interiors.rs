@@ -62,12 +62,12 @@ fn mean(mesh: &Mesh, view: &View, most: u64, n: u64) -> f64 {
     let camera = Camera::new(view, 4. / 3.).unwrap();
     let tracer = PathTracer::new(Surfaces::of(1.), Sky::new(view.up));
     let integrator = Limited { tracer, most };
-    let known = KnownPixels::NOTHING;
+    let known_pixels = KnownPixels::NOTHING;
     let entrance = scene.frame.entrance(view.position);
     let sensor = &Sensor::Camera(camera, entrance);
     let sampler = IndependentSampler::new(0);
     let mut film = Film::new(16, 12);
-    Job { sensor, intersector, integrator, known, sampler }.pass(
+    Job { sensor, intersector, integrator, known_pixels, sampler }.pass(
         &mut film,
         n,
         &|_| true,

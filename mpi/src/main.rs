@@ -18,23 +18,27 @@ use std::{panic, thread};
 use litpt::cli::ranks::{Ranks, follow};
 use litpt::cli::{progress, run::main_with};
 use litpt::film::{Film, SIDE, Watch, Window};
-use litpt::integrator::Together;
+use litpt::integrator::Communicator;
 use litpt::key::RunKey;
 use litpt::render::{Renderer, Share};
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::*;
+use mpi::traits::{Communicator as _, *};
 use mpi::{Rank, Threading};
 use serde::{Deserialize, Serialize};
 
 /// The processes that MPI has started.
 struct World;
 
-impl Together for World {
+impl Communicator for World {
     fn place(&self) -> (usize, usize) {
         (world().rank() as usize, world().size() as usize)
     }
 
-    fn put<'a>(&self, own: &'a [u8], watch: &Watch) -> Cow<'a, [u8]> {
+    fn all_gather<'a>(
+        &self,
+        own: &'a [u8],
+        watch: &Watch,
+    ) -> Cow<'a, [u8]> {
         if world().rank() > 0 {
             report(own);
             return hear().unwrap_or_default().into();
@@ -340,9 +344,9 @@ impl<'a> Pass<'a> {
                 self.windows.extend([rest, half]);
                 continue;
             }
-            let has = least * self.film.replicate;
+            let has = least * self.film.net_size;
             self.left -= window.area() as u64;
-            let first = self.film.first + has;
+            let first = self.film.sample_offset + has;
             if let samples @ 1.. = self.end.saturating_sub(has) {
                 return Some(Piece { window, first, samples });
             }
@@ -369,7 +373,7 @@ struct Part {
 impl Part {
     fn to_bytes(&self) -> Vec<u8> {
         let Self { film, rays, share } = self;
-        let head = (film.window, film.first, rays, share);
+        let head = (film.window, film.sample_offset, rays, share);
         let mut bytes = serde_json::to_vec(&head).unwrap_or_default();
         bytes.push(b'\n');
         film.write(&mut bytes).expect("a vector takes all bytes");
@@ -408,7 +412,7 @@ impl<'a> Worker<'a> {
         let mut film = self.run_key.film_of(piece.window, piece.first);
         let rays = self.renderer.pass(&mut film, piece.samples, watch);
         let values: u64 = film.pixels.iter().map(|p| p.count()).sum();
-        self.share.paths += values * film.replicate;
+        self.share.paths += values * film.net_size;
         self.share.render_seconds += began.elapsed().as_secs_f64();
         self.share.processor_seconds = processor_seconds() - self.before;
         Part { film, rays, share: self.share.clone() }

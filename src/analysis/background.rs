@@ -101,7 +101,7 @@ impl KnownPixels {
             };
             let [p, q, r, s] = [(a, b), (b, c), (c, d), (d, a)].map(side);
             let inwards = [p, q, r, s, middle];
-            // Ask the hierarchy for a triangle inside
+            // Search the hierarchy for a triangle inside
             let is_beside = |extent: [f64; 5]| {
                 let beyond =
                     |k: usize| extent[k] - inwards[k].dot(tip) < -margin;
@@ -123,7 +123,7 @@ impl KnownPixels {
             if is_seen {
                 return TileContent::Scene;
             }
-            // See whether the sky is constant
+            // Test whether the sky is constant
             let light = corners.map(|corner| sky.radiance(corner));
             let is_dark = light.iter().all(|&radiance| radiance == 0.);
             let is_bright = light.iter().all(|&radiance| radiance > 0.);
@@ -131,7 +131,7 @@ impl KnownPixels {
             if intersector.has_ground() && !is_above {
                 return TileContent::Scene;
             }
-            if let Some(grey) = sky.behind {
+            if let Some(grey) = sky.background {
                 return TileContent::Constant(grey);
             }
             match sky.zenith.abs().max_element() == 1. {

@@ -355,7 +355,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let lack = match run_key.filtered {
                 true => Some("is not filtered"),
                 false => {
-                    run_key.subject.sky.behind.map(|_| "has no opacity")
+                    run_key.subject.sky.background.map(|_| "has no opacity")
                 }
             };
             if let Some(lack) =

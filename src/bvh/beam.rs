@@ -9,8 +9,12 @@ use glam::DVec3;
 
 use super::intersector::{BEAM, Batch, Hit};
 use super::spawn::hit;
-use super::traversal::{Kernel, ROUGH, Slabs, Stack, Waiting, prepare};
-use super::traversal::{distance, interval, is_within_bounds, keys, look};
+use super::traversal::{
+    Kernel, PLANE_ERROR, Slabs, Stack, Waiting, prepare,
+};
+use super::traversal::{
+    distance, intersect_leaf, interval, is_within_bounds, keys,
+};
 use super::triangle::{LEAF, NONE, Region, slots};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -55,13 +59,14 @@ impl Beam {
         let w = first.direction.abs().max_position();
         let sign = first.direction[w].signum();
         let others = [(w + 1) % 3, (w + 2) % 3];
-        // Put the rays into lanes
+        // Store the rays in lanes
         (self.t_max, self.slabs) = ([-1.; BEAM], Slabs::new(first, region));
         let mut start = f64::INFINITY;
         for (i, ray) in rays.iter().enumerate() {
             let Some(ray) = ray else { continue };
             let slabs = Slabs::new(ray, region);
-            let near = region.beyond(ray.origin) <= ROUGH * region.reach;
+            let near =
+                region.beyond(ray.origin) <= PLANE_ERROR * region.reach;
             if !(near
                 && is_within_bounds(ray)
                 && slabs.enter == self.slabs.enter)
@@ -86,7 +91,7 @@ impl Beam {
             places = [places[0].min(place), places[1].max(place)];
             slopes = [slopes[0].min(slope), slopes[1].max(slope)];
         }
-        // Make planes of the bounds
+        // Compute planes from the bounds
         for (k, u) in others.into_iter().enumerate() {
             for end in [0, 1] {
                 let slope = slopes[end][u];
@@ -168,13 +173,13 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
     let alone = |ray: &Option<Ray>| ray.as_ref().and_then(&first_hit);
     let mut beam = Beam::default();
     let has_places = wide.nodes.len() <= u32::MAX as usize / N;
-    if !wide.gates.is_empty()
+    if !wide.frames.is_empty()
         || !has_places
         || beam.enclose(rays, &wide.region).is_none()
     {
         return rays.each_ref().map(alone);
     }
-    // Begin the searches of a beam
+    // Start the searches of a beam
     let mut searches = [const { None }; BEAM];
     let mut doubtful = 0;
     let mut waiting = Waiting::new();
@@ -207,10 +212,12 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
                             prepare(wide, ray, (None, NONE))
                         });
                     let (ways, leaf) = ((&*shear, &*margins), slots(child));
-                    // SAFETY: without gates, children with the bit LEAF are leaves; the
-                    // processor has the instructions, says the caller.
+                    // SAFETY: without nested frames, children with the bit LEAF are
+                    // leaves; the processor has the instructions, says the caller.
                     let met = unsafe {
-                        look::<K, N, true>(search, ray, ways, leaf)
+                        intersect_leaf::<K, N, true>(
+                            search, ray, ways, leaf,
+                        )
                     };
                     doubtful |= u32::from(met.is_none()) << i;
                     beam.t_max[i] =
@@ -220,7 +227,7 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
             }
         };
     }
-    // Make hits of the searches of a beam
+    // Convert the searches of a beam to hits
     array::from_fn(|i| match (&rays[i], &searches[i]) {
         (ray, _) if doubtful >> i & 1 != 0 => alone(ray),
         (Some(ray), Some((of, ..))) => hit(wide, ray, None, of),

@@ -9,7 +9,9 @@
 use std::arch::x86_64::*;
 use std::mem::transmute;
 
-use super::traversal::{Kernel, Meet, Met, Slabs, Stack, interval, keys};
+use super::traversal::{
+    Kernel, LeafHits, LeafKernel, Slabs, Stack, interval, keys,
+};
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
 
@@ -74,14 +76,14 @@ impl Kernel<8> for Vectors {
     }
 }
 
-impl Meet for Vectors {
+impl LeafKernel for Vectors {
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    unsafe fn meet(
+    unsafe fn intersect(
         leaf: Leaf,
         shear: &Shear,
         (limit, margins): (f64, &Margins),
-    ) -> Met {
+    ) -> LeafHits {
         // Read a coordinate of four triangles
         let runs = leaf.words.as_ptr();
         let at = |c: usize, i: usize| {
@@ -121,10 +123,10 @@ impl Meet for Vectors {
             let high = _mm256_set1_pd(margin);
             let above = |e| _mm256_cmp_pd::<_CMP_GE_OQ>(e, low);
             let below = |e| _mm256_cmp_pd::<_CMP_LE_OQ>(e, high);
-            let all = |a, b, c| _mm256_and_pd(_mm256_and_pd(a, b), c);
+            let and = |a, b, c| _mm256_and_pd(_mm256_and_pd(a, b), c);
             _mm256_movemask_pd(_mm256_or_pd(
-                all(above(u), above(v), above(w)),
-                all(below(u), below(v), below(w)),
+                and(above(u), above(v), above(w)),
+                and(below(u), below(v), below(w)),
             )) & leaf.lanes as i32
         };
         let near = inside(margins.narrow);
@@ -170,8 +172,8 @@ impl Kernel<16> for Vectors {
                 return None;
             }
             let keys = keys(&interval);
-            let all: __m512i = transmute(keys);
-            let least = _mm512_reduce_min_epu32(all);
+            let packed: __m512i = transmute(keys);
+            let least = _mm512_reduce_min_epu32(packed);
             if met.count_ones() > 1 {
                 Self::push(&node.children, keys, least, stack);
             }

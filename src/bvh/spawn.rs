@@ -12,8 +12,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::intersector::Hit;
-use super::triangle::{Leaf, NONE, Search, Shear, TriangleTest};
-use super::triangle::{clear, is_met, near, seen, size};
+use super::search::{Search, is_met};
+use super::triangle::{Leaf, NONE, Shear, TriangleTest};
+use super::triangle::{clear, near, seen, size};
 use super::wide::Wide;
 use crate::numerics::cross;
 use crate::scene::{Ray, Triangle, Triangles};
@@ -55,30 +56,30 @@ pub fn hit<const N: usize>(
     let normal = cross(b - a, c - a).normalize();
     let away = normal.dot(ray.direction) > 0.;
     let normal = if away { -normal } else { normal };
-    // Put the point off the surface
+    // Lift the point off the surface
     let met = ray.origin + ray.direction * distance;
     let height = normal.dot(met - a);
-    let own = seen(&[a, b, c], ray.origin);
-    let clear = clear(own);
+    let size = seen(&[a, b, c], ray.origin);
+    let clear = clear(size);
     let mut point = met + normal * (clear - height);
-    // Settle the point if it is doubtful
+    // Resolve the point if it is doubtful
     let short = distance <= search.root * SHORT
         && left.is_some_and(|left| {
             let corners = search.leaves.triangle(left);
-            has_not_risen(&corners, ray, met, own)
+            has_not_risen(&corners, ray, met, size)
         });
     let deep = height.abs() > clear;
     let limit = distance + near(search.root);
     let away = 2. * AROUND * search.root;
     let [low, high] = search.passed;
-    let unseen = own > search.least
+    let unseen = size > search.least
         && (low - away).cmple(met).all()
         && met.cmple(high + away).all();
     if search.near_tie <= limit || short || deep || unseen {
-        let around = Around { point: met, part: AROUND, least: own };
+        let around = Around { point: met, part: AROUND, least: size };
         let arrival =
             Arrival { wide, ray, distance, around, primitive, left };
-        if let Some(safe) = arrival.settle(deep) {
+        if let Some(safe) = arrival.resolve(deep) {
             point = safe;
         }
     }
@@ -118,7 +119,7 @@ impl<const N: usize> Arrival<'_, N> {
     /// A safe point, if the hit is too close to others, or too `deep`.
     #[cold]
     #[inline(never)]
-    fn settle(&self, deep: bool) -> Option<DVec3> {
+    fn resolve(&self, deep: bool) -> Option<DVec3> {
         let shear = Shear::new(self.ray);
         let close = deep || self.is_low() || self.is_close(&shear);
         close.then(|| self.offset(&shear))
@@ -251,8 +252,8 @@ impl Around {
         let away = away.max(twice_close_by(self.least));
         let within = [self.point - away, self.point + away];
         let enters = |low, high| self.comes_near(low, high, ray);
-        let all = (0, wide.region);
-        wide.any(all, within, &enters, &|leaf, place, triangle| {
+        let root = (0, wide.region);
+        wide.any(root, within, &enters, &|leaf, place, triangle| {
             let size = self.holds(triangle, ray);
             size.is_some_and(|size| asked(leaf, place, triangle, size))
         })
@@ -314,8 +315,8 @@ pub fn too_small(triangles: &Triangles) -> usize {
         (a.max(b).max(c) - a.min(b).min(c)).max_element()
     };
     let sides = || {
-        let all = (0..triangles.len()).into_par_iter();
-        all.map(|i| side(triangles.get(i)))
+        let numbers = (0..triangles.len()).into_par_iter();
+        numbers.map(|i| side(triangles.get(i)))
     };
     let largest = sides().reduce(|| 0., f64::max);
     let corners = triangles.corners.par_iter().flatten_iter();

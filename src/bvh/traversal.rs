@@ -12,8 +12,11 @@ use std::mem::MaybeUninit;
 
 use glam::DVec3;
 
-use super::triangle::{GATES, LANES, LEAF, NONE, edges, near, slot, slots};
-use super::triangle::{Leaf, Margins, Region, Search, Shear, TriangleTest};
+use super::search::Search;
+use super::triangle::{
+    FRAMES, LANES, LEAF, NONE, edges, near, slot, slots,
+};
+use super::triangle::{Leaf, Margins, Region, Shear, TriangleTest};
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
 
@@ -38,7 +41,7 @@ impl Slabs {
     pub fn new(ray: &Ray, region: &Region) -> Self {
         let direction = ray.direction.as_vec3().to_array();
         let origin = (ray.origin - region.zero).as_vec3().to_array();
-        let inverse = direction.map(|d| 1. / steep(d));
+        let inverse = direction.map(|d| 1. / clamp_direction(d));
         let start: [f32; 3] = array::from_fn(|i| origin[i] * inverse[i]);
         let up = direction.map(|d| usize::from(d >= 0.));
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
@@ -47,7 +50,7 @@ impl Slabs {
         // Move planes apart for distant rays
         let beyond = region.beyond(ray.origin);
         if beyond > 0. {
-            let margin = (beyond * ROUGH) as f32;
+            let margin = (beyond * PLANE_ERROR) as f32;
             let aside = inverse.map(|r| margin * r.abs());
             entry = array::from_fn(|i| start[i] + aside[i]);
             exit = array::from_fn(|i| start[i] - aside[i]);
@@ -58,25 +61,25 @@ impl Slabs {
 
 /// By which part of the distance from a region planes of its boxes may be
 /// displaced: 2^-20.
-pub const ROUGH: f64 = 1. / (1 << 20) as f64;
+pub const PLANE_ERROR: f64 = 1. / (1 << 20) as f64;
 
 const LEAST: f32 = f32::from_bits((127 - 60) << 23);
 
 /// The component `d` of a direction, of size `LEAST` at least; a zero of
 /// either sign counts as positive.
 #[inline(always)]
-fn steep(d: f32) -> f32 {
+fn clamp_direction(d: f32) -> f32 {
     d.abs().max(LEAST).copysign(d + 0.)
 }
 
 /// Rays with an origin or a direction that has a component of 2^64 or more
 /// meet nothing. With a direction of at least `LEAST` nothing overflows.
-const OUTER: f64 = (1u128 << 64) as f64;
+const MAX_COORDINATE: f64 = (1u128 << 64) as f64;
 
 /// Whether a ray may meet something.
 #[inline(always)]
 pub fn is_within_bounds(ray: &Ray) -> bool {
-    let bounds = DVec3::splat(OUTER);
+    let bounds = DVec3::splat(MAX_COORDINATE);
     let within = |v: DVec3| v.abs().cmplt(bounds);
     (within(ray.origin) & within(ray.direction)).all()
 }
@@ -202,7 +205,7 @@ impl<'a> Stack<'a> {
 }
 
 /// The instructions for nodes of `N` children, and for leaves.
-pub trait Kernel<const N: usize>: Meet {
+pub trait Kernel<const N: usize>: LeafKernel {
     /// Pushes the children of a node whose boxes the ray of `slabs` enters
     /// before `t_max`, but returns the nearest; none if there are none.
     ///
@@ -230,22 +233,22 @@ pub trait Kernel<const N: usize>: Meet {
 }
 
 /// The instructions for the triangles of a leaf.
-pub trait Meet: Sync {
-    /// Those that a ray meets up to the distance `limit`. Lanes that meet
+pub trait LeafKernel: Sync {
+    /// Those that a ray meets up to the distance `limit`. Lanes that intersect
     /// the ray beyond may or may not be in the mask.
     ///
     /// # Safety
     /// The processor has the instructions, and the leaf is one of `Leaves`.
-    unsafe fn meet(
+    unsafe fn intersect(
         leaf: Leaf,
         shear: &Shear,
         limit: (f64, &Margins),
-    ) -> Met;
+    ) -> LeafHits;
 }
 
 /// The lanes of a leaf that are met, as a mask, and the distances; none if
 /// the ray passes one of the triangles closely.
-pub type Met = Option<(u32, [f64; LANES])>;
+pub type LeafHits = Option<(u32, [f64; LANES])>;
 
 /// What a ray needs to look for the nearest triangle: a search that has met
 /// nothing, for a ray that left the first slot, while the second is offered
@@ -262,10 +265,10 @@ pub fn prepare<'a, const N: usize>(
 }
 
 /// The nearest of the triangles that a ray meets, other than the first of
-/// the slots. With `ANY`, the search ends as soon as another triangle than
-/// the second is the nearest. A `FAST` search gives none if it meets a doubt,
-/// or if `GATED` does not tell whether the hierarchy has gates: the caller then
-/// takes the next slower one.
+/// the slots `ends`. With `ANY`, the search ends as soon as another triangle
+/// than the second is the nearest. A `FAST` search gives none if it meets a
+/// doubt, or if `NESTED` does not tell whether the hierarchy has nested frames: the
+/// caller then takes the next slower one.
 ///
 /// # Safety
 /// The processor has the instructions of `K`.
@@ -276,23 +279,19 @@ pub unsafe fn walk<
     const N: usize,
     const ANY: bool,
     const FAST: bool,
-    const GATED: bool,
+    const NESTED: bool,
 >(
     wide: &'a Wide<N>,
     ray: &Ray,
-    (from, target): (Option<u32>, u32),
+    ends: (Option<u32>, u32),
 ) -> Option<Search<'a>> {
-    if FAST && GATED == wide.gates.is_empty() {
+    if FAST && NESTED == wide.frames.is_empty() {
         return None;
     }
-    let (mut search, shear, mut margins) =
-        prepare(wide, ray, (from, target));
+    let (mut search, shear, mut margins) = prepare(wide, ray, ends);
     // End at once out of bounds or at the target
     if !is_within_bounds(ray)
-        || ANY
-            && target != NONE
-            && (from == Some(target)
-                || is_missed(&mut search, target, &shear, &margins)?)
+        || ANY && is_missed(&mut search, ends, &shear, &margins)?
     {
         return Some(search);
     }
@@ -305,7 +304,7 @@ pub unsafe fn walk<
         let slabs = Slabs::new(ray, &region);
         let mut t_max = search.limit(&margins) as f32;
         // Go from nodes to leaves
-        let gate = loop {
+        let frame = loop {
             while child & LEAF == 0 {
                 // Choose among the children entered
                 // SAFETY: children without the bit LEAF are numbers of nodes, and no
@@ -322,21 +321,27 @@ pub unsafe fn walk<
             }
             // Offer the leaf's triangles and go on
             let place = slots(child);
-            if GATED && place.0 >= GATES {
-                // Leave the region if the gate leads to something
-                let gate = &wide.gates[(place.0 - GATES) as usize];
-                if gate.node.is_none() || search.enters(&gate.region, ray) {
-                    break gate;
+            if NESTED && place.0 >= FRAMES {
+                // Leave the region if the nested frame is near
+                let frame = &wide.frames[(place.0 - FRAMES) as usize];
+                if frame.node.is_none() || search.enters(&frame.region, ray)
+                {
+                    break frame;
                 }
             } else {
                 let ways = (&shear, &margins);
-                // SAFETY: as above; children with the bit LEAF below the gates
+                // SAFETY: as above; children with the bit LEAF below `FRAMES`
                 // are leaves that are there.
                 let met = unsafe {
-                    look::<K, N, FAST>(&mut search, ray, ways, place)?
+                    intersect_leaf::<K, N, FAST>(
+                        &mut search,
+                        ray,
+                        ways,
+                        place,
+                    )?
                 };
                 if met != 0 {
-                    if ANY && search.slot != target {
+                    if ANY && search.slot != ends.1 {
                         break 'walk;
                     }
                     t_max = search.limit(&margins) as f32;
@@ -345,17 +350,17 @@ pub unsafe fn walk<
             let Some(next) = stack.pop(t_max) else { break 'walk };
             child = next;
         };
-        // Go through a gate
-        region = gate.region;
-        margins = region.beyond_gate(ray.origin, search.root);
+        // Change the frame
+        region = frame.region;
+        margins = region.nested_margins(ray.origin, search.root);
         margins.near = margins.near.max(near(search.size));
-        if gate.node.is_some() {
+        if frame.node.is_some() {
             search.pass(&region, &margins);
             // SAFETY: no hierarchy is so deep that one is not left.
             unsafe { stack.push(child + 1, 0.) };
         }
         let waits = || stack.pop(search.limit(&margins) as f32);
-        let Some(next) = gate.node.or_else(waits) else { break };
+        let Some(next) = frame.node.or_else(waits) else { break };
         child = next;
     }
     Some(search)
@@ -367,7 +372,11 @@ pub unsafe fn walk<
 /// # Safety
 /// The leaf is there, and the processor has the instructions of `K`.
 #[inline(always)]
-pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
+pub unsafe fn intersect_leaf<
+    K: Kernel<N>,
+    const N: usize,
+    const FAST: bool,
+>(
     search: &mut Search,
     ray: &Ray,
     (shear, margins): (&Shear, &Margins),
@@ -377,14 +386,14 @@ pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
     // SAFETY: it is there, says the caller.
     let leaf = unsafe { search.leaf(first, count) };
     // SAFETY: it is one of `Leaves`; the rest says the caller.
-    let met = unsafe { K::meet(leaf, shear, (limit, margins)) };
+    let met = unsafe { K::intersect(leaf, shear, (limit, margins)) };
     let (mask, distances) = match met {
         None if FAST => return None,
-        _ => met.unwrap_or_else(|| leaf.meet(shear, margins)),
+        _ => met.unwrap_or_else(|| leaf.intersect(shear, margins)),
     };
     let mut left = mask;
     while left != 0 {
-        // Take or offer one lane of the mask
+        // Consider one lane of the mask
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
         if FAST {
@@ -397,15 +406,18 @@ pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
     Some(mask)
 }
 
-/// Offers a triangle ahead of the walk: whether the ray misses it; none if
-/// that is doubtful.
+/// Offers a target, if there is one, ahead of the walk: whether the ray misses
+/// it, as it does if it leaves it; none if that is doubtful.
 #[inline(always)]
 fn is_missed(
     search: &mut Search,
-    target: u32,
+    (from, target): (Option<u32>, u32),
     shear: &Shear,
     margins: &Margins,
 ) -> Option<bool> {
+    if target == NONE || from == Some(target) {
+        return Some(target != NONE);
+    }
     let (leaf, lane) = search.leaves.find(target);
     match leaf.test(lane as usize, shear, margins.size) {
         TriangleTest::Through(at) if at > -margins.near => {
@@ -505,13 +517,13 @@ impl<const N: usize> Kernel<N> for Portable {
     }
 }
 
-impl Meet for Portable {
+impl LeafKernel for Portable {
     #[inline(always)]
-    unsafe fn meet(
+    unsafe fn intersect(
         leaf: Leaf,
         shear: &Shear,
         (limit, margins): (f64, &Margins),
-    ) -> Met {
+    ) -> LeafHits {
         let sheared = leaf.sheared::<LANES>(0, shear);
         let ([u, v, w], [_, _, [a, b, c]]) = (edges(&sheared), sheared);
         let less = |a: f64, b: f64| if a < b { a } else { b };

@@ -7,14 +7,16 @@ use std::io;
 use std::marker::PhantomData;
 
 use super::beam;
+use super::binary::Quality;
 use super::ground::{GROUND, Ground};
 use super::intersector::{Batch, Hit, Intersector};
 #[cfg(target_arch = "x86_64")]
 use super::kernels::Vectors;
+use super::search::Search;
 use super::spawn::hit;
 use super::traversal::{Portable, walk};
-use super::triangle::{NONE, Search};
-use super::wide::{Quality, Wide};
+use super::triangle::NONE;
+use super::wide::Wide;
 use crate::scene::{Ray, Triangles};
 
 /// A hierarchy on a processor that has the instructions `K`.
@@ -80,14 +82,14 @@ macro_rules! traverse {
                 match &search {
                     Some(search) => hit(wide, ray, from, search),
                     // SAFETY: as above.
-                    None => unsafe { self.nearest_again(ray, slots) },
+                    None => unsafe { self.fallback(ray, slots) },
                 }
             }
 
             $(#[target_feature(enable = $features)])*
             #[cold]
             #[inline(never)]
-            unsafe fn nearest_again(
+            unsafe fn fallback(
                 &self,
                 ray: &Ray,
                 slots: (Option<u32>, u32),
@@ -119,7 +121,7 @@ macro_rules! traverse {
 
             $(#[target_feature(enable = $features)])*
             #[inline(never)]
-            unsafe fn in_the_way(&self, ray: &Ray, slots: (Option<u32>, u32)) -> u32 {
+            unsafe fn any_hit(&self, ray: &Ray, slots: (Option<u32>, u32)) -> u32 {
                 // SAFETY: as above.
                 unsafe {
                     walk::<$kernel, $n, true, true, false>(&self.wide, ray, slots)
@@ -161,7 +163,7 @@ macro_rules! traverse {
                 let wanted = if target == GROUND { NONE } else { target };
                 let met = entered.map_or(NONE, |ray| {
                     // SAFETY: as above.
-                    unsafe { self.in_the_way(&ray, (from, wanted)) }
+                    unsafe { self.any_hit(&ray, (from, wanted)) }
                 });
                 // Whatever meets no triangle may meet the ground.
                 let falls = || self.below(ray).is_some();

@@ -8,9 +8,9 @@
 
 use std::array;
 
-use glam::{DVec3, Vec3Swizzles};
+use glam::DVec3;
 
-use crate::numerics::{cross, difference_of_products};
+use crate::numerics::difference_of_products;
 use crate::scene::{Ray, Triangle};
 
 /// A change of coordinates that makes a ray the z axis (Woop, Benthin
@@ -177,15 +177,15 @@ impl Region {
         Margins::new(size(beyond + side, point), side)
     }
 
-    /// The same beyond a gate, given the size of the outermost margins.
+    /// The same in a nested frame, given the size of the outermost margins.
     #[inline(always)]
-    pub fn beyond_gate(&self, point: DVec3, root: f64) -> Margins {
+    pub fn nested_margins(&self, point: DVec3, root: f64) -> Margins {
         let size = COARSER * self.margins(point).size;
         Margins::new(size.min(root), 2. * self.reach)
     }
 }
 
-/// How much larger margins are beyond gates, at most: 2^20.
+/// How much larger margins are in nested frames, at most: 2^20.
 const COARSER: f64 = (1 << 20) as f64;
 
 /// Triangles in a leaf at most.
@@ -203,8 +203,8 @@ const WORDS: usize = 19;
 /// Marks the number of a child as that of a leaf.
 pub const LEAF: u32 = 1 << 31;
 
-/// Leaves from this number on are gates.
-pub const GATES: u32 = (1 << 29) - (1 << 20);
+/// Leaves from this number on are nested frames.
+pub const FRAMES: u32 = (1 << 29) - (1 << 20);
 
 /// The units that leaves of `count` triangles take.
 pub fn units(count: usize) -> u32 {
@@ -284,11 +284,12 @@ pub fn write(words: &mut [u32], triangles: &[(u32, Triangle)]) {
     words[0] |= (count as u32 - 1) << 30;
 }
 
-/// A way into or out of a cluster that is so small beside its region that
-/// padding would swallow it: beyond, boxes count from the cluster's middle.
+/// The frame of a cluster that is so small beside its region that padding
+/// would swallow it: inside, boxes count from the cluster's middle. Or the way
+/// back to the outer frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Gate {
-    /// The one to which it leads.
+pub struct NestedFrame {
+    /// The region around its triangles, or the outer one.
     pub region: Region,
     /// The child with which the search goes on there; none if it goes back.
     pub node: Option<u32>,
@@ -351,7 +352,7 @@ impl Leaf<'_> {
     /// it passes close by from bit `LANES` on, with where that begins. What
     /// the distance of another lane says is not specified.
     #[inline(always)]
-    pub fn meet(
+    pub fn intersect(
         &self,
         shear: &Shear,
         margins: &Margins,
@@ -392,7 +393,7 @@ impl Leaf<'_> {
             (u >= -margin && v >= -margin && w >= -margin)
                 || (u <= margin && v <= margin && w <= margin)
         };
-        // Tell what the ray does by the signs
+        // Classify the ray by the signs
         if within(0.) {
             // Find the distance along the ray
             let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
@@ -456,194 +457,4 @@ pub fn edges<const N: usize>([x, y, _]: &Sheared<N>) -> [[f64; N]; 3] {
         })
     };
     [edge(2, 1), edge(0, 2), edge(1, 0)]
-}
-
-/// The nearest triangle so far.
-pub struct Search<'a> {
-    /// Those of the hierarchy.
-    pub leaves: &'a Leaves,
-    /// The slot that the ray left, or `NONE`,
-    left: u32,
-    /// and one that was offered ahead, or `NONE`: leaves are tested without
-    /// both.
-    offered: u32,
-    /// How far the nearest triangle is, or infinity.
-    pub distance: f64,
-    /// The size of the margins where it was found.
-    pub size: f64,
-    /// That of the region of all triangles.
-    pub root: f64,
-    /// That of the least margins beyond gates that the ray went through,
-    pub least: f64,
-    /// and the box around the regions there.
-    pub passed: [DVec3; 2],
-    /// Where it is kept, or `NONE`.
-    pub slot: u32,
-    /// The least distance at which something else is close to the ray.
-    pub near_tie: f64,
-}
-
-impl<'a> Search<'a> {
-    /// A search that has met nothing, for a ray that left the first slot;
-    /// the second is offered ahead. The size is that of the outermost
-    /// margins.
-    #[inline(always)]
-    pub fn new(
-        leaves: &'a Leaves,
-        (from, offered): (Option<u32>, u32),
-        root: f64,
-    ) -> Self {
-        let distance = f64::INFINITY;
-        Self {
-            leaves,
-            left: from.unwrap_or(NONE),
-            offered,
-            distance,
-            size: 0.,
-            root,
-            least: root,
-            passed: [DVec3::INFINITY, DVec3::NEG_INFINITY],
-            slot: NONE,
-            near_tie: distance,
-        }
-    }
-
-    /// The leaf of `count` triangles at unit `first`, without the one
-    /// that the ray left, and the one that was offered ahead.
-    ///
-    /// # Safety
-    /// A leaf of these triangles has been put there.
-    #[inline(always)]
-    pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'a> {
-        // SAFETY: it is there, says the caller.
-        let mut leaf = unsafe { self.leaves.leaf(first, count) };
-        for without in [self.left, self.offered] {
-            let lane = without.wrapping_sub(slot(first, 0));
-            leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
-        }
-        leaf
-    }
-
-    /// Up to where others may be as near as the nearest so far.
-    #[inline(always)]
-    pub fn limit(&self, margins: &Margins) -> f64 {
-        self.distance + margins.near
-    }
-
-    /// Considers the triangle in a slot, which is met at `distance`; none if
-    /// it is doubtful whether that is behind the ray, or which comes first.
-    #[inline(always)]
-    pub fn take(
-        &mut self,
-        slot: u32,
-        distance: f64,
-        margins: &Margins,
-    ) -> Option<()> {
-        let near = margins.near;
-        if distance <= near || distance == self.distance {
-            return None;
-        }
-        if (distance - self.distance).abs() <= near {
-            self.near_tie = self.near_tie.min(distance - near);
-        }
-        if distance < self.distance {
-            (self.distance, self.slot) = (distance, slot);
-            self.size = margins.size;
-        }
-        Some(())
-    }
-
-    /// Considers the triangle in a lane of the leaf at unit `first`, which
-    /// is met at `distance`; a lane of `LANES` or more is that of a
-    /// triangle which is only passed closely.
-    #[inline(always)]
-    pub fn offer(
-        &mut self,
-        (first, leaf): (u32, Leaf),
-        lane: u32,
-        distance: f64,
-        (ray, margins): (&Ray, &Margins),
-    ) {
-        let (slot, beside) = (slot(first, lane), lane >= LANES as u32);
-        if !beside && self.take(slot, distance, margins).is_some() {
-            return;
-        }
-        // Doubt the order of triangles that are close
-        let near = margins.near;
-        self.near_tie = self.near_tie.min(distance - near);
-        let behind = || is_behind(leaf, lane, ray, distance);
-        if beside || distance <= near && behind() {
-            return;
-        }
-        let distance = distance.max(f64::MIN_POSITIVE);
-        let equal = distance == self.distance;
-        if distance < self.distance
-            || equal && is_before(self.leaves, slot, self.slot)
-        {
-            (self.distance, self.slot) = (distance, slot);
-            self.size = margins.size;
-        }
-    }
-
-    /// Whether the ray may come near triangles of a region, before the
-    /// nearest so far.
-    #[inline(always)]
-    pub fn enters(&self, region: &Region, ray: &Ray) -> bool {
-        let middle = region.zero - ray.origin;
-        let half = region.reach + CLEARANCE * self.root;
-        let (along, near) = (middle.dot(ray.direction), near(self.root));
-        is_met(middle, DVec3::splat(half), ray.direction)
-            && along - DIAGONAL * half <= self.distance + near
-            && along + DIAGONAL * half >= -near
-    }
-
-    /// Notes that the ray goes through a gate.
-    #[inline(always)]
-    pub fn pass(&mut self, region: &Region, margins: &Margins) {
-        let [low, high] = self.passed;
-        let (zero, reach) = (region.zero, region.reach);
-        self.passed = [low.min(zero - reach), high.max(zero + reach)];
-        self.least = self.least.min(margins.size);
-    }
-}
-
-/// Whether the triangle in `slot` comes before another, if there is one.
-#[cold]
-#[inline(never)]
-fn is_before(leaves: &Leaves, slot: u32, other: u32) -> bool {
-    let key = |slot| {
-        let corners = leaves.triangle(slot);
-        let corners = corners.map(|p| p.to_array().map(f64::to_bits));
-        (leaves.face(slot), corners)
-    };
-    other == NONE || key(slot) < key(other)
-}
-
-/// Whether a ray that meets the triangle in a lane at this distance starts
-/// beyond it.
-#[cold]
-fn is_behind(leaf: Leaf, lane: u32, ray: &Ray, distance: f64) -> bool {
-    let corners = leaf.triangle(lane);
-    if distance.abs() >= near(seen(&corners, ray.origin)) {
-        return distance < 0.;
-    }
-    let [a, b, c] = corners;
-    let normal = cross(b - a, c - a);
-    normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
-}
-
-/// A ray this far from a region, times the size, passes no triangle of
-/// it closely: 2^-44.
-const CLEARANCE: f64 = 1. / (1u64 << 44) as f64;
-
-/// More than half the diagonal of a cube whose side is 2.
-const DIAGONAL: f64 = 1.75;
-
-/// Whether a line through zero meets a box with this middle and these
-/// half sides.
-#[inline(always)]
-pub fn is_met(middle: DVec3, half: DVec3, direction: DVec3) -> bool {
-    let off = middle.cross(direction).abs();
-    let [h, d] = [half, direction.abs()];
-    off.cmple(h.yzx() * d.zxy() + h.zxy() * d.yzx()).all()
 }

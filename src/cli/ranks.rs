@@ -10,7 +10,7 @@ use super::run::start_threads;
 use super::watchdog;
 use crate::host::Host;
 use crate::inputs::{Inputs, in_first_rank};
-use crate::integrator::{Alone, Together};
+use crate::integrator::{Communicator, SingleProcess};
 use crate::key::RunKey;
 use crate::plan::Plan;
 use crate::render::Renderer;
@@ -18,7 +18,7 @@ use crate::run::{History, Run};
 use crate::world::World;
 
 /// The processes that render one image, as each of them sees them.
-pub trait Ranks: Together {
+pub trait Ranks: Communicator {
     /// A renderer of all of them, given that of the first.
     fn lead<'a>(
         &self,
@@ -32,7 +32,7 @@ pub trait Ranks: Together {
     fn serve(&self, _: Box<dyn Renderer + '_>, _: &RunKey) {}
 }
 
-impl Ranks for Alone {}
+impl Ranks for SingleProcess {}
 
 /// Renders for the process that leads, until it has nothing more to do.
 ///

@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::options::{Error, Options, usage};
 use super::values::Norm;
 use crate::bvh::Isa;
-use crate::film::{Measure, SIDE, Window};
+use crate::film::{ErrorNorm, SIDE, Window};
 use crate::image::Format;
 use crate::key::Part;
 use crate::output::{descriptor, format_of};
@@ -117,7 +117,7 @@ impl Options {
         let Self { limits, parts, .. } = self;
         let error = limits.error.map(|(error, relative)| {
             let largest = matches!(limits.error_norm, Norm::Max);
-            (error, Measure { relative, largest })
+            (error, ErrorNorm { relative, largest })
         });
         let is_open = limits.time.is_none() && error.is_none();
         let usual = default_samples(plan.camera().is_none());

@@ -155,14 +155,14 @@ pub fn start_threads(plan: &Plan) -> Result<(), String> {
 fn describe(plan: &Plan, world: &World, run: &Run) -> Result<Stop, String> {
     let analysis = &world.analysis;
     let mut lines = String::new();
-    for Finding { fact, holds, why } in &analysis.findings {
-        let sign = if *holds { "left out" } else { "-" };
-        lines += &format!("{fact:13}{sign:10}{why}\n");
+    for Finding { name, applies, reason } in &analysis.findings {
+        let sign = if *applies { "left out" } else { "-" };
+        lines += &format!("{name:13}{sign:10}{reason}\n");
     }
     // Name the parts that do the rest
     let method = run.key.sampling.method.to_string();
     let why = run.choice.as_ref().map_or(method.clone(), |c| c.to_string());
-    let parts = match analysis.known.is_all() {
+    let parts = match analysis.known_pixels.is_all() {
         true => "none: no ray".to_owned(),
         false => format!("{}; {method}", plan.isa),
     };

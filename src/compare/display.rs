@@ -59,7 +59,7 @@ pub fn picture(image: Image) -> Image {
         sky.and_then(|text| serde_json::from_str(text).ok());
     let mut more = image.more;
     more.retain(|(name, _)| *name == OPACITY);
-    match sky.and_then(|sky| sky.behind) {
+    match sky.and_then(|sky| sky.background) {
         Some(grey) => cut_out(Image { means, more, ..image }, grey),
         None => Image { means, more: vec![], ..image },
     }

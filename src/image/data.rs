@@ -8,7 +8,7 @@ use std::io::{self, Write};
 
 use rayon::prelude::*;
 
-use crate::film::{Film, WORTH, Window};
+use crate::film::{Film, NEIGHBOUR_WEIGHT, Window};
 
 /// A finished image in memory: what its file formats can carry. Row by
 /// row from the top left.
@@ -119,7 +119,7 @@ impl Source for Picture<'_> {
         let columns = self.film.window.size.0;
         let more = self.more.iter().filter(|_| all);
         Image {
-            errors: film.map(|film| film.errors(WORTH, window)),
+            errors: film.map(|film| film.errors(NEIGHBOUR_WEIGHT, window)),
             samples: film
                 .map(|film| film.counts_of(window, self.allocation)),
             tile_errors: film.and_then(|film| film.tile_errors(window)),

@@ -26,8 +26,8 @@ use rand::RngExt;
 use crate::analysis::LitView;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Bvh, Hit, Intersector};
-use crate::film::{Measure, Tile, Window};
-use crate::integrator::Together;
+use crate::film::{ErrorNorm, Tile, Window};
+use crate::integrator::Communicator;
 use crate::sampler::sobol::{ScrambledNet, scramble_key};
 use crate::sampler::{generator, to_unit};
 use crate::scene::Ray;
@@ -42,11 +42,11 @@ pub struct Gather<'a> {
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
     /// What is known of the image beforehand.
-    pub known: &'a KnownPixels,
+    pub known_pixels: &'a KnownPixels,
     /// Chooses all random numbers.
     pub seed: u64,
     /// The error for which the samples are distributed.
-    pub measure: Measure,
+    pub norm: ErrorNorm,
     /// At most about as many rays train the cache.
     pub training: u64,
     /// How much is corrected; none leaves the error of the cache.
@@ -55,7 +55,7 @@ pub struct Gather<'a> {
     /// learnt, or another run like this one.
     pub learnt: Arc<OnceLock<Learnt>>,
     /// The processes that learn the same.
-    pub together: &'a dyn Together,
+    pub communicator: &'a dyn Communicator,
 }
 
 /// A cache, and how the samples are distributed.
@@ -91,7 +91,7 @@ pub enum End {
 }
 
 /// A ray from a surface.
-pub struct Shot {
+pub struct GatherRay {
     /// One over the density of its direction on the square.
     pub weight: f64,
     /// The bin of its direction.
@@ -189,12 +189,12 @@ impl<K: Intersector> Tracer<'_, K> {
     /// Traces the ray that leaves `x` in the direction that the guide gives to
     /// a uniform point of the square, in units of 2^-32.
     #[inline]
-    pub fn shoot(
+    pub fn trace_gather_ray(
         &mut self,
         x: &Hit,
         guide: Option<&Guide>,
         u: [u32; 2],
-    ) -> Shot {
+    ) -> GatherRay {
         // Choose a point of the square and its weight
         let (point, bin, weight) = match guide {
             Some(guide) => {
@@ -211,23 +211,25 @@ impl<K: Intersector> Tracer<'_, K> {
         self.rays += 1;
         let hit = self.intersector.first_hit(&ray, Some(x.primitive));
         let sky = || End::Sky(self.gather.view.sky.radiance(direction));
-        Shot { weight, bin, end: hit.map_or_else(sky, End::Hit) }
+        GatherRay { weight, bin, end: hit.map_or_else(sky, End::Hit) }
     }
 
-    /// One of the four cells around a hit, at random, with the share that the
-    /// hit has of its value and error: `u` is uniform over the square.
+    /// One of the four cells around a hit, at random, with value and error of a
+    /// surface that has the albedo of the hit: `u` is uniform over the square.
     #[inline]
     pub fn cell_around(&self, hit: &Hit, u: [f64; 2]) -> Cell {
         let grid = &self.cache.grid;
         let cell =
             *self.cache.at(grid.name_around(hit.point, hit.normal, u));
-        cell.of_share(self.gather.view.surfaces.share(hit.primitive) as f32)
+        cell.scaled(
+            self.gather.view.surfaces.relative_albedo(hit.primitive) as f32,
+        )
     }
 
     /// What a sample at (`x`, `y`) of the image begins with: a first hit, or
     /// the radiance of the sky behind it.
     #[inline]
-    pub fn look(&mut self, x: f64, y: f64) -> End {
+    pub fn trace_primary(&mut self, x: f64, y: f64) -> End {
         let LitView { sensor, sky, .. } = &self.gather.view;
         let (direction, ray, hit) = sensor.start(self.intersector, x, y);
         self.rays += u64::from(ray.is_some());
@@ -242,7 +244,7 @@ impl<K: Intersector> Tracer<'_, K> {
         scramble: u64,
         sums: &mut [f64],
     ) -> Vec<Sample> {
-        let &Gather { view, known, seed, .. } = self.gather;
+        let &Gather { view, known_pixels, seed, .. } = self.gather;
         let mut looks = vec![];
         // Draw all samples of a tile
         for pixel in 0..tile.size.0 * tile.size.1 {
@@ -256,7 +258,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 looks.push((((x, y), place), pixel, scale[number], u));
             }
         }
-        let is_sky = known.content(tile.corner) == TileContent::Sky;
+        let is_sky = known_pixels.content(tile.corner) == TileContent::Sky;
         let mut samples = vec![];
         // Send the first rays in beams
         for batch in looks.chunks(BEAM) {
@@ -267,7 +269,7 @@ impl<K: Intersector> Tracer<'_, K> {
             self.rays += rays;
             let ends = directions.into_iter().zip(hits);
             for (&look, (direction, hit)) in batch.iter().zip(ends) {
-                // Begin a sample or show the sky
+                // Start a sample or show the sky
                 let (_, pixel, scale, u) = look;
                 let Some(hit) = hit else {
                     sums[pixel as usize] += view.sky.seen(direction);
@@ -293,8 +295,10 @@ impl<K: Intersector> Tracer<'_, K> {
     /// have added to them.
     pub fn tile(&mut self, tile: Tile, scramble: u64) -> [Vec<f64>; 2] {
         let area = tile.size.0 * tile.size.1;
-        let &Gather { known, seed, .. } = self.gather;
-        if let TileContent::Constant(value) = known.content(tile.corner) {
+        let &Gather { known_pixels, seed, .. } = self.gather;
+        if let TileContent::Constant(value) =
+            known_pixels.content(tile.corner)
+        {
             return [value, 0.].map(|value| vec![value; area as usize]);
         }
         let stream = tile_number(tile.corner);
@@ -308,11 +312,15 @@ impl<K: Intersector> Tracer<'_, K> {
         };
         let cells: Vec<Cell> = samples.iter().map(cell).collect();
         for (sample, cell) in samples.iter_mut().zip(&cells) {
-            let shot = self.shoot(&sample.hit, cache.guide(cell), sample.u);
-            sample.weight = shot.weight;
-            match shot.end {
+            let ray = self.trace_gather_ray(
+                &sample.hit,
+                cache.guide(cell),
+                sample.u,
+            );
+            sample.weight = ray.weight;
+            match ray.end {
                 End::Sky(radiance) => {
-                    let radiance = sample.albedo * shot.weight * radiance;
+                    let radiance = sample.albedo * ray.weight * radiance;
                     sums[sample.pixel as usize] += radiance;
                 }
                 End::Hit(hit) => sample.end = Some((hit, UNSEEN)),

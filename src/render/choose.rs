@@ -10,6 +10,6 @@ mod policy;
 mod sampling;
 
 pub use pilot::Pilot;
-pub use policy::{Budget, Choice, DECISIVE, Request, Vantage};
+pub use policy::{Budget, Choice, MIN_PATHS, Request, Vantage};
 pub use policy::{default_samples, expected_rays, samples_to_error};
 pub use sampling::{Method, Pixels, Sampling, Setup};

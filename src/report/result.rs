@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::analysis::Finding;
-use crate::film::{Film, Measure};
+use crate::film::{ErrorNorm, Film};
 use crate::filter::PictureError;
 use crate::key::{Part, Subject};
 use crate::render::choose::Method;
@@ -130,8 +130,8 @@ pub struct Report {
     #[serde(skip)]
     pub is_dark: bool,
     /// Which error is held against the target.
-    #[serde(default, skip_serializing_if = "Measure::is_usual")]
-    pub measure: Measure,
+    #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
+    pub measure: ErrorNorm,
     /// How wrong the filtered picture is, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<PictureError>,
@@ -226,8 +226,8 @@ impl Report {
         let why = self.settings.choice.clone();
         let why = why.filter(|_| *integrator != Method::Reference);
         lines.extend(why.map(|why| ("method", why)));
-        for Finding { fact, why, .. } in &self.left_out {
-            lines.push(("left out", format!("{fact}: {why}")));
+        for Finding { name, reason, .. } in &self.left_out {
+            lines.push(("left out", format!("{name}: {reason}")));
         }
         let constant = self.convergence.constant_pixels;
         if 0 < constant && constant < pixels {
@@ -295,7 +295,7 @@ impl Report {
         if let Some(target) = self.settings.error {
             let small = rmse.is_some_and(|rmse| rmse <= target);
             let met = small || stopped == Some(Stop::Error);
-            let Measure { relative, largest } = self.measure;
+            let ErrorNorm { relative, largest } = self.measure;
             let largest = if largest { "largest " } else { "" };
             let relative = if relative { "relative " } else { "" };
             let (error, not) =

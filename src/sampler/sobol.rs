@@ -183,10 +183,10 @@ impl SobolSampler {
     ///
     /// # Panics
     ///
-    /// Panics if `replicate` is not a power of two up to 2^30.
-    pub fn new(seed: u64, replicate: u64) -> Self {
-        let net = ScrambledNet::new(replicate);
-        let log_points = replicate.ilog2();
+    /// Panics if `net_size` is not a power of two up to 2^30.
+    pub fn new(seed: u64, net_size: u64) -> Self {
+        let net = ScrambledNet::new(net_size);
+        let log_points = net_size.ilog2();
         Self { seed, log_points, net, key: 0, i: 0, path: 0 }
     }
 
@@ -200,14 +200,14 @@ impl SobolSampler {
 
 impl Sampler for SobolSampler {
     #[inline(always)]
-    fn replicate(&self) -> u64 {
+    fn net_size(&self) -> u64 {
         1 << self.log_points
     }
 
     #[inline(always)]
     fn start(&self, pixel: u64, index: u64) -> Self {
         let key = scramble_key(self.seed, pixel, index >> self.log_points);
-        let i = (index & (self.replicate() - 1)) as u32;
+        let i = (index & (self.net_size() - 1)) as u32;
         Self { key, i, path: word(key, PATH, i), ..*self }
     }
 

@@ -47,17 +47,17 @@ fn replace(
 ) -> (Vec<[u32; 3]>, Vec<u32>) {
     let mut is_joined = vec![false; triangles.len()];
     joined.iter().for_each(|&i| is_joined[i as usize] = true);
-    let (mut all, mut flags, mut from) = (vec![], vec![], 0);
+    let (mut replaced, mut flags, mut from) = (vec![], vec![], 0);
     let end = (triangles.len(), 0, vec![]);
     for (first, count, cut) in new.iter().chain([&end]) {
-        all.extend(&triangles[from..*first]);
+        replaced.extend(&triangles[from..*first]);
         flags.extend(&is_joined[from..*first]);
         flags.extend((0..cut.len()).map(|i| i > 0));
-        all.extend(cut);
+        replaced.extend(cut);
         from = first + count;
     }
     let numbers = (0..).zip(flags).filter(|(_, joined)| *joined);
-    (all, numbers.map(|(i, _)| i).collect())
+    (replaced, numbers.map(|(i, _)| i).collect())
 }
 
 /// Whether the fan is that of a quadrilateral that is nearly flat and
@@ -88,11 +88,11 @@ fn judge(
     let sides: Vec<_> = points.iter().map(|&p| p - points[0]).collect();
     let areas = sides.windows(2).map(|q| q[0].cross(q[1]));
     let normal: DVec3 = areas.clone().sum();
-    let all: f64 = areas.map(|area| area.length()).sum();
-    if normal.length() <= 1e-12 * all {
-        return (None, all > 1e-15 * sides.len() as f64);
+    let area: f64 = areas.map(|area| area.length()).sum();
+    if normal.length() <= 1e-12 * area {
+        return (None, area > 1e-15 * sides.len() as f64);
     }
-    // See the face along its normal
+    // Project the face along its normal
     let axis = normal.abs().max_position();
     let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
     let (x, y) = if normal[axis] < 0. { (y, x) } else { (x, y) };
@@ -179,7 +179,7 @@ fn triangulate(
         }
         vertices[i] = Some(vertex);
     }
-    // Make the outline sides of triangles
+    // Add the outline to the sides of triangles
     let vertices: Vec<_> = vertices.into_iter().flatten().collect();
     let mut steps = vec![0; cdt.num_directed_edges()];
     let ends = vertices.iter().zip(vertices.iter().cycle().skip(1));
@@ -199,7 +199,7 @@ fn triangulate(
             steps[side.rev().index()] -= 1;
         }
     }
-    // Keep the triangles where the outline winds
+    // Select the triangles where the outline winds
     let mut seen = vec![false; cdt.num_all_faces()];
     let hull = cdt.convex_hull().map(|side| (side.fix().rev(), 0));
     let mut waiting: Vec<_> = hull.collect();

@@ -10,7 +10,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::typed;
-use crate::film::{Film, WORTH};
+use crate::film::{Film, NEIGHBOUR_WEIGHT};
 use crate::materials::FaceAlbedos;
 use crate::numerics::{cross, normalise};
 use crate::scene::{Mesh, Scene};
@@ -176,7 +176,7 @@ impl Table {
         let window = film.window;
         let numbers = &receivers.numbers[window.corner.1 as usize..];
         let means = film.means_of(window).into_iter();
-        let found = means.zip(film.errors(WORTH, window));
+        let found = means.zip(film.errors(NEIGHBOUR_WEIGHT, window));
         let found = found.zip(film.counts_of(window, allocation));
         for (&number, ((mean, error), count)) in numbers.iter().zip(found) {
             let (face, _) = self.face(number as usize);

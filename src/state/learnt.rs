@@ -57,7 +57,7 @@ pub fn read(
     let scale = get::<f64>(from, window.area())?;
     let cache =
         RadianceCache { cells, guides, ..RadianceCache::empty(grid) };
-    let most = run_key.sampling.replicate.saturating_mul(8).min(1 << 20);
+    let most = run_key.sampling.net_size.saturating_mul(8).min(1 << 20);
     let is_sound = is_big == IS_BIG
         && cache.is_sound()
         && counts.iter().all(|&n| (1..=most).contains(&n.into()))

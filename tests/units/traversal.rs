@@ -81,7 +81,7 @@ fn displace(far: f64) -> f64 {
         }
         let beyond = region.beyond(origin).max(0.);
         let bound = (10. * 8192. + 6.01 * beyond) / f64::from(1 << 24);
-        let outwards = beyond * ROUGH * direction.x.signum();
+        let outwards = beyond * PLANE_ERROR * direction.x.signum();
         let sides =
             [(slabs.entry[0], -outwards), (slabs.exit[0], outwards)];
         for (start, moved) in sides {
@@ -291,7 +291,7 @@ fn ray_at(leaf: Leaf, random: &mut Random) -> Ray {
     }
 }
 
-fn compare_leaves<K: Meet>() {
+fn compare_leaves<K: LeafKernel>() {
     let mut random = Random::seed_from_u64(6);
     let mut met = 0;
     for _ in 0..CASES {
@@ -309,9 +309,10 @@ fn compare_leaves<K: Meet>() {
             let lanes = lanes.filter(|&(i, at)| i >= LANES || at <= limit);
             lanes.map(|(i, at)| (i, at.to_bits())).collect::<Vec<_>>()
         };
-        let expected = within(leaf.meet(&shear, &margins));
+        let expected = within(leaf.intersect(&shear, &margins));
         // SAFETY: the processor has been asked.
-        let found = unsafe { K::meet(leaf, &shear, (limit, &margins)) };
+        let found =
+            unsafe { K::intersect(leaf, &shear, (limit, &margins)) };
         let Some(found) = found.map(within) else { continue };
         assert_eq!(found, expected, "{:?} {ray:?}", leaf.words);
         met += found.len();

@@ -7,8 +7,9 @@
 use std::cell::{Cell, RefCell};
 
 use super::*;
-use crate::scene::{Mesh, Scene};
-use glam::DVec3;
+use crate::bvh::triangle::Leaf;
+use crate::scene::{Mesh, Scene, Triangle};
+use glam::{DVec3, Vec3A};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -97,8 +98,8 @@ fn occupied<const N: usize>(
 fn check_children<const N: usize>(wide: &Wide<N>) {
     let mut nodes = vec![0; wide.nodes.len()];
     nodes[0] = 1;
-    let mut ways = vec![0; wide.gates.len()];
-    for (i, way) in wide.gates.iter().enumerate() {
+    let mut ways = vec![0; wide.frames.len()];
+    for (i, way) in wide.frames.iter().enumerate() {
         assert_eq!(way.node.is_some(), i % 2 == 0);
         way.node.into_iter().for_each(|root| nodes[root as usize] += 1);
     }
@@ -110,8 +111,8 @@ fn check_children<const N: usize>(wide: &Wide<N>) {
             let (first, count) = slots(child);
             if child & LEAF == 0 {
                 nodes[child as usize] += 1;
-            } else if first >= GATES {
-                ways[(first - GATES) as usize] += 1;
+            } else if first >= FRAMES {
+                ways[(first - FRAMES) as usize] += 1;
             } else {
                 let end = UNIT * (first + units(count)) as usize;
                 assert!(end <= wide.leaves.words.len());
@@ -153,8 +154,8 @@ fn check_box<const N: usize>(
         return below.collect();
     }
     let (first, count) = slots(child);
-    let triangles: Vec<_> = if first >= GATES {
-        let way = wide.gates[(first - GATES) as usize];
+    let triangles: Vec<_> = if first >= FRAMES {
+        let way = wide.frames[(first - FRAMES) as usize];
         let root = way.node.expect("a way in");
         check_box(wide, root, way.region, None)
     } else {
@@ -239,8 +240,8 @@ fn the_padding_is_not_lost_in_rounding() {
 #[test]
 fn clusters_within_clusters_are_regions_of_their_own() {
     let wide = wide::<8>(&clusters());
-    let reach = |way: &Gate| way.region.reach;
-    let inner: Vec<_> = wide.gates.iter().step_by(2).map(reach).collect();
+    let reach = |way: &NestedFrame| way.region.reach;
+    let inner: Vec<_> = wide.frames.iter().step_by(2).map(reach).collect();
     let part = 2f64.powi(-16) * wide.region.reach;
     assert!(inner.iter().all(|&reach| reach < part));
     let least = inner.into_iter().fold(f64::INFINITY, f64::min);
@@ -357,8 +358,8 @@ fn levels<const N: usize>(wide: &Wide<N>) -> usize {
             let (first, _) = slots(child);
             let below = if child & LEAF == 0 {
                 child
-            } else if first >= GATES {
-                let way = wide.gates[(first - GATES) as usize];
+            } else if first >= FRAMES {
+                let way = wide.frames[(first - FRAMES) as usize];
                 way.node.expect("a way in")
             } else {
                 continue;

@@ -37,13 +37,13 @@ use litpt::cli::options::{Error, Options, ViewOptions, parse_words};
 use litpt::cli::run::{fail, start_threads};
 use litpt::cli::{progress, watchdog};
 use litpt::compare::display::auto_stops;
-use litpt::film::{Film, WORTH, Watch};
+use litpt::film::{Film, NEIGHBOUR_WEIGHT, Watch};
 use litpt::filter::{Filtered, FirstHits, surface_means};
 use litpt::host::{Event, Host, Interrupt};
 use litpt::inputs::Inputs;
 use litpt::integrator::gather::Learnt;
 use litpt::integrator::gather::cache::RadianceCache;
-use litpt::integrator::{Alone, Integrator, PathEvent, PathState};
+use litpt::integrator::{Integrator, PathEvent, PathState, SingleProcess};
 use litpt::integrator::{PathTracer, Renderer};
 use litpt::key::Subject;
 use litpt::plan::{Budget, Plan, is_dash};
@@ -305,10 +305,12 @@ impl Integrator for Glance<'_> {
         hit: Option<Hit>,
         sampler: &mut impl Sampler,
     ) -> PathEvent {
-        if let (Some(cache), Some(hit), 1) = (self.cache, hit, path.count) {
+        if let (Some(cache), Some(hit), 1) = (self.cache, hit, path.bounces)
+        {
             let cell = cache.at(cache.grid.name(hit.point, hit.normal));
-            let share = self.paths.surfaces.share(hit.primitive) as f32;
-            let value = f64::from(cell.of_share(share).value);
+            let share =
+                self.paths.surfaces.relative_albedo(hit.primitive) as f32;
+            let value = f64::from(cell.scaled(share).value);
             if value > 0. {
                 return PathEvent::Terminate(path.throughput * value);
             }
@@ -340,7 +342,9 @@ impl Guess {
         let film = Film::new(size.0, size.1).with_shared_tiles();
         self.learnt = Arc::default();
         let learnt = Arc::clone(&self.learnt);
-        setup.renderer(&sampling, learnt, &Alone).learn(&film, &|_| true);
+        setup
+            .renderer(&sampling, learnt, &SingleProcess)
+            .learn(&film, &|_| true);
     }
 }
 
@@ -419,7 +423,7 @@ impl Viewer {
         drop(scene);
         let scene = self.scene.read().expect("no panic with the lock");
         let (_, world) = scene.as_ref().ok_or("there is no scene")?;
-        self.settle(number, world, &plan);
+        self.publish(number, world, &plan);
         if world.subject.sensed.window().area() > 1 << 23 {
             let fault = "more than 8 megapixels: copy the command instead";
             self.tell(json!({ "fault": fault }));
@@ -460,7 +464,7 @@ impl Viewer {
 
     /// Puts where the camera stands and what is up into the settings, and tells
     /// pages all of them, unless something else is wanted by now.
-    fn settle(&self, number: u64, world: &World, plan: &Plan) {
+    fn publish(&self, number: u64, world: &World, plan: &Plan) {
         let mut wanted = lock(&self.wanted);
         if wanted.number != number {
             return;
@@ -514,7 +518,7 @@ impl Viewer {
             sensor: view.sensor,
             intersector: &world.bvh,
             integrator: Glance { paths, cache },
-            known: KnownPixels::NOTHING,
+            known_pixels: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(0),
         };
         let (width, height) = view.resolution;
@@ -549,11 +553,11 @@ impl Viewer {
         };
         let (mut sampling, _) = setup.decide(&request, None);
         let most = if sampling.method == Method::Gather { 1 } else { 4 };
-        sampling.replicate = sampling.replicate.min(most);
+        sampling.net_size = sampling.net_size.min(most);
         sampling.training = sampling.training.min(1 << 20);
         let learnt = Arc::default();
         let mut renderer =
-            setup.renderer(&sampling, Arc::clone(&learnt), &Alone);
+            setup.renderer(&sampling, Arc::clone(&learnt), &SingleProcess);
         let window = subject.sensed.window();
         let mut film = sampling.film(subject.sensed.film(window));
         if sampling.method != Method::Reference {
@@ -562,7 +566,7 @@ impl Viewer {
         let hits = FirstHits::trace(bvh, view, film.window);
         let (error, measure) = plan.budget.error.unzip();
         let limits = Limits {
-            samples: analysis.known.is_all().then_some(2),
+            samples: analysis.known_pixels.is_all().then_some(2),
             error,
             measure: measure.unwrap_or_default(),
             interrupt: Some(&self.interrupt),
@@ -573,7 +577,7 @@ impl Viewer {
         let mut send = |run: &Convergence, film: &Film, is_last: bool| {
             let began = Instant::now();
             let is_step = run.last().spp == run.spp && began >= due;
-            let shows = run.spp >= 2 * sampling.replicate && is_step;
+            let shows = run.spp >= 2 * sampling.net_size && is_step;
             if film.unsampled() == 0 && (shows || is_last) {
                 let known =
                     |p: &CurvePoint| Some((p.seconds, p.rmse? / p.mean));
@@ -611,7 +615,7 @@ impl Viewer {
         about["size"] = json!([width, height]);
         if about["moves"].is_null() {
             numbers.extend(means);
-            numbers.extend(film.errors(WORTH, film.window));
+            numbers.extend(film.errors(NEIGHBOUR_WEIGHT, film.window));
         }
         let numbers = numbers.iter().map(|x| (*x as f32).to_le_bytes());
         let bytes = numbers.collect::<Vec<_>>().concat();

@@ -10,8 +10,8 @@ use glam::DVec3;
 use litpt::analysis::SceneAnalysis;
 use litpt::analysis::background::KnownPixels;
 use litpt::camera::View;
-use litpt::film::{Film, Summary, WORTH, Window};
-use litpt::integrator::Alone;
+use litpt::film::{Film, NEIGHBOUR_WEIGHT, Summary, Window};
+use litpt::integrator::SingleProcess;
 use litpt::render::Job;
 use litpt::render::choose::{
     Budget, Method, Pixels, Request, Sampling, Setup,
@@ -63,8 +63,10 @@ impl Case {
 
     /// An image stands for the truth.
     fn measured(name: &'static str, setting: Setting, film: &Film) -> Self {
-        let truth =
-            film.means().zip(film.errors(WORTH, film.window)).collect();
+        let truth = film
+            .means()
+            .zip(film.errors(NEIGHBOUR_WEIGHT, film.window))
+            .collect();
         let summary = film.summary();
         let mean = (summary.mean, summary.mean_stderr);
         Self { name, setting, truth, mean }
@@ -122,8 +124,8 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     // Know nothing of the image beforehand
     let Job { intersector, .. } = setting.job(seed);
     let view = setting.view(resolution);
-    let known = KnownPixels::default();
-    let analysis = SceneAnalysis { findings: vec![], known };
+    let known_pixels = KnownPixels::default();
+    let analysis = SceneAnalysis { findings: vec![], known_pixels };
     let window = Window { corner: (0, 0), size: resolution };
     // Sample as a run of this method does
     let analysis = &analysis;
@@ -139,7 +141,8 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let sampling =
         Sampling::new(method, seed, Some(n), Pixels::of_image(window.size));
     let sampling = choice.map_or(sampling, |choice| choice.sampling);
-    let mut renderer = setup.renderer(&sampling, Arc::default(), &Alone);
+    let mut renderer =
+        setup.renderer(&sampling, Arc::default(), &SingleProcess);
     let mut film = sampling.film(Film::cropped(resolution, window, false));
     renderer.pass(&mut film, n, &|_| true);
     film
@@ -181,7 +184,7 @@ fn deviations(
 
 /// For the pixels that miss the truth at all.
 fn of_pixels(film: &Film, truth: &[(f64, f64)]) -> Vec<f64> {
-    let errors = film.errors(WORTH, film.window);
+    let errors = film.errors(NEIGHBOUR_WEIGHT, film.window);
     let pixels = film.means().zip(errors).zip(truth);
     let deviations = pixels.map(|((mean, error), (exact, unsure))| {
         (mean - exact) / (error * error + unsure * unsure).sqrt()

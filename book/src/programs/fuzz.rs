@@ -23,7 +23,7 @@ use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::integrator::{Alone, PathTracer};
+use litpt::integrator::{PathTracer, SingleProcess};
 use litpt::materials::Surfaces;
 use litpt::render::choose::{Method, Pixels, Sampling, Setup};
 use litpt::render::{Job, Renderer};
@@ -237,7 +237,7 @@ impl Case {
             sensor: &Sensor::Camera(*camera, entrance),
             intersector: &intersector,
             integrator,
-            known: KnownPixels::NOTHING,
+            known_pixels: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(0),
         };
         let mut film = Film::new(self.resolution.0, self.resolution.1);
@@ -303,7 +303,7 @@ impl Case {
             Pixels::of_image((1, 1)),
         );
         let mut renderer =
-            setup.renderer(&sampling, Arc::default(), &Alone);
+            setup.renderer(&sampling, Arc::default(), &SingleProcess);
         let mut simple = Film::new(self.resolution.0, self.resolution.1);
         let rays = renderer.pass(&mut simple, self.samples, &|_| true);
         self.judge(&simple, rays.max(1001))?;

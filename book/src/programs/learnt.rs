@@ -100,19 +100,20 @@ fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
     let window = Window { corner: (0, 0), size: RESOLUTION };
     let allocation = &Allocation::even(window);
     let cache = &RadianceCache::empty(Grid::around(&[]));
-    let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (cache, _) = &train(&like, &|_| true).ok_or("stopped")?;
-    let like = &Tracer { cache, ..like };
+    let prototype =
+        Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let (cache, _) = &train(&prototype, &|_| true).ok_or("stopped")?;
+    let prototype = &Tracer { cache, ..prototype };
     // Draw what is learnt
     let mut out = String::new();
-    compare(figures, like, &mut out)?;
-    let end = Tracer { ..*like }.look(PLACE[0], PLACE[1]);
+    compare(figures, prototype, &mut out)?;
+    let end = Tracer { ..*prototype }.trace_primary(PLACE[0], PLACE[1]);
     let End::Hit(place) = end else {
         return Err("no surface there".into());
     };
     let name = cache.grid.name(place.point, place.normal);
     let guide = cache.guide(cache.at(name)).ok_or("no guide there")?;
-    let light = light(like, &place);
+    let light = light(prototype, &place);
     picture(figures, "light", DISC, light.clone())?;
     let most = (0..BINS).map(|b| guide.density(b)).fold(0., f64::max);
     let density = |p| guide.density(bin(p)) / most;
@@ -133,7 +134,7 @@ fn render(figures: &Path, out: &mut String) -> Done {
     let gather = room.gather(RESOLUTION);
     let mut gather = Gather { training: TRAINING, ..gather };
     let film = Film::new(RESOLUTION.0, RESOLUTION.1);
-    let mut film = film.with_replicates(TOGETHER).with_shared_tiles();
+    let mut film = film.with_net_size(TOGETHER).with_shared_tiles();
     let rays = gather.pass(&mut film, SAMPLES, &|_| true);
     let mut paths = Film::new(RESOLUTION.0, RESOLUTION.1);
     let (samples, traced) = trace(&room, rays, &mut paths);
@@ -164,17 +165,21 @@ fn trace(setting: &Setting, rays: u64, film: &mut Film) -> (u64, u64) {
 
 /// Draws the values of the cells in the middles of the pixels, the
 /// radiance there, how much both differ, and what the cells say of it.
-fn compare(figures: &Path, like: &Tracer<Bvh>, out: &mut String) -> Done {
+fn compare(
+    figures: &Path,
+    prototype: &Tracer<Bvh>,
+    out: &mut String,
+) -> Done {
     let (width, height) = RESOLUTION;
     let pixels = (0..width * height).into_par_iter().map(|i| {
         let x = (f64::from(i % width) + 0.5) / f64::from(width);
         let y = (f64::from(i / width) + 0.5) / f64::from(height);
-        let mut tracer = Tracer { ..*like };
-        match tracer.look(x, y) {
+        let mut tracer = Tracer { ..*prototype };
+        match tracer.trace_primary(x, y) {
             End::Sky(radiance) => [radiance, radiance, 0., 0.],
             End::Hit(hit) => {
-                let name = like.cache.grid.name(hit.point, hit.normal);
-                let cell = like.cache.at(name);
+                let name = prototype.cache.grid.name(hit.point, hit.normal);
+                let cell = prototype.cache.at(name);
                 let stream = u64::from(i);
                 let truth = gathered(&mut tracer, &hit, GATHERED, stream);
                 let value = f64::from(cell.value);
@@ -205,11 +210,11 @@ fn compare(figures: &Path, like: &Tracer<Bvh>, out: &mut String) -> Done {
 
 /// The light that arrives at the place, over the disc: what a ray
 /// meets there has the radiance that many more rays gather.
-fn light(like: &Tracer<Bvh>, place: &Hit) -> Vec<f64> {
+fn light(prototype: &Tracer<Bvh>, place: &Hit) -> Vec<f64> {
     disc(|point| {
         let at = point.map(|u| (u * 4294967296.) as u32);
-        let mut tracer = Tracer { ..*like };
-        match tracer.shoot(place, None, at).end {
+        let mut tracer = Tracer { ..*prototype };
+        match tracer.trace_gather_ray(place, None, at).end {
             End::Sky(radiance) => radiance,
             End::Hit(hit) => {
                 let stream = u64::from(at[0]) << 32 | u64::from(at[1]);
@@ -235,15 +240,15 @@ fn gathered(
     let key = scramble_key(2, stream, 0);
     let mut sum = 0.;
     for n in 0..rays {
-        let shot = tracer.shoot(hit, guide, net.pair(key, n, 0));
-        let arriving = match shot.end {
+        let ray = tracer.trace_gather_ray(hit, guide, net.pair(key, n, 0));
+        let arriving = match ray.end {
             End::Sky(radiance) => radiance,
             End::Hit(hit) => {
                 let near = [random.random(), random.random()];
                 f64::from(tracer.cell_around(&hit, near).value)
             }
         };
-        sum += shot.weight * arriving;
+        sum += ray.weight * arriving;
     }
     RHO * sum / f64::from(rays)
 }

@@ -195,10 +195,10 @@ impl Stage {
         let (cache, training) = trained(rays);
         let (hasty, haste) = trained(rays / 10);
         let gather = &Gather { correction: None, ..self.renderer(seed) };
-        let like = tracer(gather, &cache, one);
+        let prototype = tracer(gather, &cache, one);
         let (allocation, pilot) =
-            allocate(&like, &film, &|_| true).unwrap();
-        let counts = vec![film.replicate as u32; film.area() as usize];
+            allocate(&prototype, &film, &|_| true).unwrap();
+        let counts = vec![film.net_size as u32; film.area() as usize];
         let even = Allocation { counts, ..allocation.clone() };
         let unguided = RadianceCache { guides: vec![], ..cache.clone() };
         let empty = RadianceCache::empty(cache.grid);
@@ -249,7 +249,7 @@ impl Stage {
         };
         let tiles = film.tiles().into_par_iter().with_max_len(1);
         let traced: u64 = tiles.map(render).sum();
-        let per_pixel = (scrambles * film.replicate) as f64;
+        let per_pixel = (scrambles * film.net_size) as f64;
         let each = traced as f64 / per_pixel;
         let learning = without.learning as f64 / self.samples as f64;
         let rays = (each + learning) / film.area() as f64;
@@ -260,11 +260,11 @@ impl Stage {
     fn trace(&self, seed: u64) -> Run {
         let sampling = self.sampling(Method::Sobol, seed);
         let mut film = self.film(&sampling);
-        let Job { sensor, intersector, integrator, known, .. } =
+        let Job { sensor, intersector, integrator, known_pixels, .. } =
             self.setting.job(0);
-        let sampler = SobolSampler::new(seed, sampling.replicate);
+        let sampler = SobolSampler::new(seed, sampling.net_size);
         let mut job =
-            Job { sensor, intersector, integrator, known, sampler };
+            Job { sensor, intersector, integrator, known_pixels, sampler };
         let traced = job.pass(&mut film, self.samples, &|_| true);
         let samples = self.samples * film.area();
         Run { film, rays: traced as f64 / samples as f64 }
@@ -332,7 +332,7 @@ impl Stage {
     fn without(&self, learnt: &Learnt, part: usize, i: u64) -> Run {
         let seed = (part as u64 + 1) * RUNS + i;
         let sampling = self.sampling(Method::Gather, seed);
-        let scrambles = self.samples.div_ceil(sampling.replicate);
+        let scrambles = self.samples.div_ceil(sampling.net_size);
         match PARTS[part] {
             "everything" => self.trace(seed),
             "cache" => {
@@ -367,7 +367,7 @@ pub fn run(arguments: &[String]) -> Done {
         resolution: camera.resolution,
         samples: plan.budget.samples.unwrap_or(SAMPLES),
     };
-    let replicate = stage.sampling(Method::Gather, 0).replicate;
+    let replicate = stage.sampling(Method::Gather, 0).net_size;
     let mut runs = PARTS.map(|_| vec![]);
     let mut bytes = PARTS.map(|_| None);
     for i in 0..RUNS {

@@ -217,7 +217,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
             sensor,
             intersector: &intersector,
             integrator,
-            known: KnownPixels::NOTHING,
+            known_pixels: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(1),
         };
         let mut film = Film::new(64, 48);

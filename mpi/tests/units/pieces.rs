@@ -30,7 +30,7 @@ fn run_key(case: usize) -> RunKey {
 /// Takes some tiles of a film to so many samples: replicates that are the
 /// same wherever they are rendered.
 fn fill(film: &mut Film, end: u64, tiles: usize) {
-    let (first, replicate) = (film.first, film.replicate);
+    let (first, replicate) = (film.sample_offset, film.net_size);
     for part in film.tiles().into_iter().take(tiles) {
         let FilmTile { tile, pixels, halves, .. } = part;
         for k in pixels[0].count()..end.div_ceil(replicate) {

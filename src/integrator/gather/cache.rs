@@ -70,11 +70,12 @@ impl Grid {
     /// The grid for points like these.
     pub fn around(points: &[DVec3]) -> Self {
         let ends = |k: usize| {
-            let mut all: Vec<f64> = points.iter().map(|p| p[k]).collect();
-            all.sort_unstable_by(f64::total_cmp);
-            let at = |i: usize| all.get(i).copied().unwrap_or(0.);
-            let margin = all.len() / 100;
-            [at(margin), at(all.len().saturating_sub(1 + margin))]
+            let mut coordinates: Vec<f64> =
+                points.iter().map(|p| p[k]).collect();
+            coordinates.sort_unstable_by(f64::total_cmp);
+            let at = |i: usize| coordinates.get(i).copied().unwrap_or(0.);
+            let margin = coordinates.len() / 100;
+            [at(margin), at(coordinates.len().saturating_sub(1 + margin))]
         };
         let ends = [0, 1, 2].map(ends);
         let [low, high] = [0, 1].map(|e| DVec3::from(ends.map(|k| k[e])));
@@ -131,16 +132,16 @@ pub struct Record {
     pub bin: u16,
     /// The albedo where the ray arrived, as a part of the largest, in units
     /// of 1 / [`WHOLE`].
-    pub share: u16,
+    pub relative_albedo: u16,
 }
 
-/// Units of a share that is all.
+/// Units of a relative albedo of 1.
 pub const WHOLE: u16 = 1 << 15;
 
 impl Record {
-    /// The share as a number.
+    /// The relative albedo as a number.
     fn part(&self) -> f32 {
-        f32::from(self.share) / f32::from(WHOLE)
+        f32::from(self.relative_albedo) / f32::from(WHOLE)
     }
 }
 
@@ -160,8 +161,9 @@ pub struct Cell {
 
 impl Cell {
     /// The same of a surface whose albedo is a part of the largest.
-    pub fn of_share(self, share: f32) -> Self {
-        let (value, error) = (share * self.value, share * self.error);
+    pub fn scaled(self, relative_albedo: f32) -> Self {
+        let (value, error) =
+            (relative_albedo * self.value, relative_albedo * self.error);
         Self { value, error, ..self }
     }
 }
@@ -250,16 +252,16 @@ impl RadianceCache {
         watch: &Watch,
     ) -> Self {
         records.par_sort_unstable_by_key(|record| {
-            let &Record { from, to, weight, bin, share } = record;
-            (from, to, bin, share, weight.to_bits())
+            let &Record { from, to, weight, bin, relative_albedo } = record;
+            (from, to, bin, relative_albedo, weight.to_bits())
         });
         let cells = Cells::of(records);
         let mut cache = Self::numbering(self.grid, &cells);
         let ends = records.par_iter().map(|r| cache.end(r)).collect();
-        let known =
+        let start =
             cells.names.iter().map(|&name| self.at(name).value).collect();
         let equations = Equations { cells, records, ends, albedo };
-        let values = equations.solve(known, watch);
+        let values = equations.solve(start, watch);
         let errors = equations.errors(&values);
         let (guides, numbers) = equations.guides(&values);
         // Fill the table with what is known now
@@ -270,15 +272,15 @@ impl RadianceCache {
         }
         cache.guides = guides;
         // Find the mean error that a ray meets
-        let (mut wrong, mut all) = (0f32, 0f32);
+        let (mut wrong, mut total) = (0f32, 0f32);
         for (record, &end) in equations.records.iter().zip(&equations.ends)
         {
             let weight = record.weight * record.part();
-            all += weight * arriving(&values, end);
+            total += weight * arriving(&values, end);
             let error = errors.get(end as usize);
             wrong += weight * error.copied().unwrap_or(0.);
         }
-        cache.relative_error = if all > 0. { wrong / all } else { 1. };
+        cache.relative_error = if total > 0. { wrong / total } else { 1. };
         cache
     }
 
@@ -438,8 +440,8 @@ impl Equations<'_> {
         let cells = &self.cells;
         let first = self.sums(|i| self.term(values, i));
         let second = self.sums(|i| self.term(values, i).powi(2));
-        let all = first[cells.level(LEVELS - 1)].iter().sum::<f32>();
-        let mean = all / self.records.len() as f32;
+        let total = first[cells.level(LEVELS - 1)].iter().sum::<f32>();
+        let mean = total / self.records.len() as f32;
         let least = if mean == 0. { 1. } else { 0.01 * mean.abs() };
         let least = least.max(f32::MIN_POSITIVE);
         let parent = |c: usize| cells.parents.get(c).map(|&p| p as usize);
@@ -463,9 +465,9 @@ impl Equations<'_> {
                 spread += part * difference * difference;
                 part *= 0.5;
             }
-            let own = values[c] / 10.;
+            let bias = values[c] / 10.;
             let noise = variance / (cells.count(c) + PRIOR);
-            (noise + spread + own * own).sqrt().max(least)
+            (noise + spread + bias * bias).sqrt().max(least)
         };
         let coarser = values[cells.offsets[1]..].iter();
         let coarser = coarser.map(|value| value.abs().max(least));
@@ -529,8 +531,8 @@ fn mean_squares(
         sums[bin as usize] += square;
         counts[bin as usize] += 1.;
     }
-    let all: f32 = sums.iter().sum::<f32>() / counts.iter().sum::<f32>();
-    let prior = |b: usize| prior.map_or(all, |p| p[b]);
+    let mean: f32 = sums.iter().sum::<f32>() / counts.iter().sum::<f32>();
+    let prior = |b: usize| prior.map_or(mean, |p| p[b]);
     std::array::from_fn(|b| (sums[b] + prior(b)) / (counts[b] + 1.))
 }
 

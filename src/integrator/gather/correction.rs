@@ -28,7 +28,7 @@ impl<K: Intersector> Tracer<'_, K> {
         sums: &mut [f64],
     ) {
         let Some(correction) = &self.gather.correction else { return };
-        // Put the samples in groups
+        // Divide the samples into groups
         let mut order: Vec<_> = (0..samples.len()).collect();
         let grid = &self.cache.grid;
         order.sort_by_cached_key(|&i| grid.order(&samples[i].hit));
@@ -50,21 +50,26 @@ impl<K: Intersector> Tracer<'_, K> {
                 if drawn == 0. {
                     continue;
                 }
-                let kept = self.kept(correction, samples, group, y, random);
-                let draws = (drawn * kept + random.random::<f64>()).floor();
+                let keep_probability = self.keep_probability(
+                    correction, samples, group, y, random,
+                );
+                let draws = (drawn * keep_probability
+                    + random.random::<f64>())
+                .floor();
                 if draws > 0. {
                     let found = self.radiance(correction, y, cell, random);
                     let error = found - f64::from(cell.value);
-                    let share = draws / kept * step * error / expected;
-                    self.share_error(samples, group, k, share, sums);
+                    let total =
+                        draws / keep_probability * step * error / expected;
+                    self.distribute(samples, group, k, total, sums);
                 }
             }
         }
     }
 
-    /// The share of the draws at `y` that is kept, small where many of the
+    /// The probability with which a draw at `y` is kept, small where many of the
     /// group see it; the caller rounds the number by chance.
-    fn kept(
+    fn keep_probability(
         &mut self,
         correction: &Correction,
         samples: &[Sample],
@@ -82,19 +87,19 @@ impl<K: Intersector> Tracer<'_, K> {
             }
         }
         let part = seen / (f64::from(VISIBILITY_TESTS) + 0.5);
-        let all = group.len() as f64 / correction.group as f64;
-        (1. / (CANDIDATES * f64::sqrt(part * all))).min(1.)
+        let fill = group.len() as f64 / correction.group as f64;
+        (1. / (CANDIDATES * f64::sqrt(part * fill))).min(1.)
     }
 
     /// Shares the error of what sample `k` has met among all samples of
     /// its group that see the place: what they get, each over the radiance of
-    /// its pixel, adds up to `share`.
-    fn share_error(
+    /// its pixel, adds up to `total`.
+    fn distribute(
         &mut self,
         samples: &[Sample],
         group: &[usize],
         k: usize,
-        share: f64,
+        total: f64,
         sums: &mut [f64],
     ) {
         let Some((y, _)) = &samples[k].end else { return };
@@ -113,7 +118,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let density: f64 = seen().map(|(x, f)| f / x.scale).sum();
         if density > 0. {
             for (x, factor) in seen() {
-                sums[x.pixel as usize] += share * *factor / density;
+                sums[x.pixel as usize] += total * *factor / density;
             }
         }
     }
@@ -166,10 +171,10 @@ impl<K: Intersector> Tracer<'_, K> {
         // Trace the rays that gather
         for n in 0..rays {
             let u = net.pair(key, n, 0);
-            let shot = self.shoot(x, self.cache.guide(cell), u);
-            let weight = shot.weight / f64::from(rays);
+            let ray = self.trace_gather_ray(x, self.cache.guide(cell), u);
+            let weight = ray.weight / f64::from(rays);
             let (cell, importance) = (UNSEEN, 0.);
-            match shot.end {
+            match ray.end {
                 End::Sky(radiance) => sum += weight * radiance,
                 End::Hit(hit) => {
                     ends.push(Candidate { hit, cell, weight, importance });
@@ -216,10 +221,11 @@ impl<K: Intersector> Tracer<'_, K> {
             error += throughput * albedo * sum;
             let Some(end) = ends.pop() else { break };
             throughput *= albedo * end.weight;
-            // Let a weak path survive by chance
+            // Play Russian roulette
             let long =
                 if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };
-            let probability = (throughput / WEAK).min(1.) * long;
+            let probability =
+                (throughput / ROULETTE_THRESHOLD).min(1.) * long;
             if random.random::<f64>() >= probability {
                 break;
             }
@@ -270,4 +276,4 @@ struct Candidate {
 }
 
 /// The throughput below which roulette ends paths of corrections.
-const WEAK: f64 = 0.2;
+const ROULETTE_THRESHOLD: f64 = 0.2;

@@ -132,10 +132,10 @@ impl Guide {
 
     /// Whether all bins have a density, as those of [`Guide::new`] have.
     pub fn is_sound(&self) -> bool {
-        let all = self.columns.iter().chain([&self.rows]);
+        let intervals = self.columns.iter().chain([&self.rows]);
         let rises =
             |starts: &[u16; SIDE]| starts.is_sorted_by(|a, b| a < b);
-        all.into_iter().all(|starts| starts[0] == 0 && rises(starts))
+        intervals.into_iter().all(|starts| starts[0] == 0 && rises(starts))
     }
 
     /// The point of the square that belongs to a uniform one, whose

@@ -22,19 +22,19 @@ impl Renderer for Gather<'_> {
         }
         let learn = Learn { gather: self, film, watch };
         let found = self.intersector.dispatch(learn);
-        self.together.put(&[], watch);
+        self.communicator.all_gather(&[], watch);
         let Some((learnt, rays)) = found else { return 0 };
         let _ = self.learnt.set(learnt);
         rays
     }
 
     fn training_rays(&self, area: u64) -> u64 {
-        let all = self.training + area.saturating_mul(2 * PILOT_SAMPLES);
-        if self.learnt.get().is_some() { 0 } else { all }
+        let rays = self.training + area.saturating_mul(2 * PILOT_SAMPLES);
+        if self.learnt.get().is_some() { 0 } else { rays }
     }
 
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        let is_alone = || self.together.place().1 == 1;
+        let is_alone = || self.communicator.place().1 == 1;
         assert!(self.learnt.get().is_some() || is_alone(), "unlearnt");
         let rays = self.learn(film, &|_| watch(0));
         let Some(learnt) = self.learnt.get() else { return rays };
@@ -59,12 +59,12 @@ impl Dispatch for Learn<'_> {
         let cache = &RadianceCache::empty(Grid::around(&[]));
         let (correction, learnt) = (None, Arc::default());
         let gather = &Gather { seed, correction, learnt, ..*gather };
-        let allocation = &Allocation::even(film.whole);
-        let like =
+        let allocation = &Allocation::even(film.run_window);
+        let prototype =
             Tracer { gather, intersector, cache, allocation, rays: 0 };
-        let (cache, rays) = train(&like, watch)?;
-        let like = Tracer { cache: &cache, ..like };
-        let (allocation, traced) = allocate(&like, film, watch)?;
+        let (cache, rays) = train(&prototype, watch)?;
+        let prototype = Tracer { cache: &cache, ..prototype };
+        let (allocation, traced) = allocate(&prototype, film, watch)?;
         let learnt = Learnt { cache, allocation };
         watch(0).then_some((learnt, rays + traced))
     }
@@ -85,15 +85,15 @@ impl Dispatch for Pass<'_> {
     fn with<K: Intersector>(self, intersector: &K) -> u64 {
         let Self { gather, learnt, film, end, watch } = self;
         let Learnt { cache, allocation } = learnt;
-        let like =
+        let prototype =
             Tracer { gather, intersector, cache, allocation, rays: 0 };
-        let replicate = film.replicate;
-        let first = film.first / replicate;
-        let end = end.div_ceil(replicate);
+        let net_size = film.net_size;
+        let first = film.sample_offset / net_size;
+        let end = end.div_ceil(net_size);
         // Render a tile and count its rays
         let render = |part: FilmTile| {
             let FilmTile { tile, pixels, mut mean, halves } = part;
-            let mut tracer = Tracer { ..like };
+            let mut tracer = Tracer { ..prototype };
             for scramble in pixels[0].count()..end {
                 if !watch(0) {
                     break;
@@ -107,10 +107,11 @@ impl Dispatch for Pass<'_> {
                     let parts = [value - correction, *correction];
                     add_value(halves, number, parts);
                 }
-                let all = values.iter().sum::<f64>() / values.len() as f64;
-                mean.iter_mut().for_each(|mean| mean.add(all));
+                let tile_mean =
+                    values.iter().sum::<f64>() / values.len() as f64;
+                mean.iter_mut().for_each(|mean| mean.add(tile_mean));
                 pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
-                watch(replicate * pixels.len() as u64);
+                watch(net_size * pixels.len() as u64);
             }
             tracer.rays
         };

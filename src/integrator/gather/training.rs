@@ -12,9 +12,9 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::cache::{Grid, RadianceCache, Record, WHOLE, in_sky};
-use super::{Allocation, End, Gather, Shot, Tracer};
+use super::{Allocation, End, Gather, GatherRay, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::film::{Film, Measure, Watch};
+use crate::film::{ErrorNorm, Film, Watch};
 use crate::sampler::generator;
 use crate::statistics::Accumulator;
 
@@ -22,7 +22,7 @@ use crate::statistics::Accumulator;
 const REFLECTIONS: usize = 7;
 
 /// Paths that are followed side by side.
-const ABREAST: u64 = 64;
+const BATCH: u64 = 64;
 
 /// Numbers the generators of training; those of tiles are smaller.
 const TRAINING: u64 = u64::MAX;
@@ -42,18 +42,18 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut random = generator(seed, TRAINING, piece);
         let mut records = Vec::with_capacity(rays as usize);
         let (grid, surfaces) = (self.cache.grid, self.gather.view.surfaces);
-        let (mut paths, mut told) = (0, 0);
-        while paths + self.rays < rays && watch(self.rays - told) {
-            told = self.rays;
-            // Begin some paths
-            let begun = (0..ABREAST).filter_map(|_| {
-                match self.look(random.random(), random.random()) {
+        let (mut paths, mut reported) = (0, 0);
+        while paths + self.rays < rays && watch(self.rays - reported) {
+            reported = self.rays;
+            // Start some paths
+            let begun = (0..BATCH).filter_map(|_| {
+                match self.trace_primary(random.random(), random.random()) {
                     End::Hit(hit) => Some(hit),
                     End::Sky(_) => None,
                 }
             });
             let mut hits: Vec<_> = begun.collect();
-            paths += ABREAST;
+            paths += BATCH;
             for _ in 0..REFLECTIONS {
                 // Look up the cells of all hits
                 let look_up = |y: &Hit| {
@@ -65,21 +65,28 @@ impl<K: Intersector> Tracer<'_, K> {
                     visit(y.point);
                     // Record a reflection on the way
                     let u = [random.random(), random.random()];
-                    let Shot { weight, bin, end } =
-                        self.shoot(y, self.cache.guide(&cell), u);
-                    let (to, share) = match end {
+                    let GatherRay { weight, bin, end } = self
+                        .trace_gather_ray(y, self.cache.guide(&cell), u);
+                    let (to, relative_albedo) = match end {
                         End::Sky(radiance) => (in_sky(radiance), 1.),
                         End::Hit(hit) => {
                             hits.push(hit);
                             let u = [random.random(), random.random()];
                             let to =
                                 grid.name_around(hit.point, hit.normal, u);
-                            (to, surfaces.share(hit.primitive))
+                            (to, surfaces.relative_albedo(hit.primitive))
                         }
                     };
                     let (weight, bin) = (weight as f32, bin as u16);
-                    let share = (share * f64::from(WHOLE)).round() as u16;
-                    records.push(Record { from, to, weight, bin, share });
+                    let relative_albedo =
+                        (relative_albedo * f64::from(WHOLE)).round() as u16;
+                    records.push(Record {
+                        from,
+                        to,
+                        weight,
+                        bin,
+                        relative_albedo,
+                    });
                 }
             }
         }
@@ -91,31 +98,32 @@ impl<K: Intersector> Tracer<'_, K> {
 /// returns their rays; none if `watch`, which is told those of the others,
 /// stops one.
 fn find_together<T: Pod + Send>(
-    like: &Gather,
+    prototype: &Gather,
     pieces: usize,
     find: impl Fn(usize) -> (Vec<T>, u64) + Sync,
     found: &mut Vec<T>,
     watch: &Watch,
 ) -> Option<u64> {
-    let (place, of) = like.together.place();
-    let share = pieces * place / of..pieces * (place + 1) / of;
-    let (own, rays): (Vec<_>, Vec<_>) =
-        share.into_par_iter().map(&find).unzip();
-    let own: Vec<T> = own.into_iter().flatten().collect();
+    let (place, of) = prototype.communicator.place();
+    let range = pieces * place / of..pieces * (place + 1) / of;
+    let (found_here, rays): (Vec<_>, Vec<_>) =
+        range.into_par_iter().map(&find).unzip();
+    let found_here: Vec<T> = found_here.into_iter().flatten().collect();
     let rays = rays.iter().sum::<u64>();
-    // Tell the others the rays and what was found
-    let told = if watch(0) { bytes_of(&rays) } else { &[] };
-    let told = like.together.put(told, watch);
-    let told = told.chunks_exact(size_of::<u64>());
-    if told.len() < of {
+    // Exchange the rays and the findings
+    let counts = if watch(0) { bytes_of(&rays) } else { &[] };
+    let counts = prototype.communicator.all_gather(counts, watch);
+    let counts = counts.chunks_exact(size_of::<u64>());
+    if counts.len() < of {
         return None;
     }
-    let all = told.map(pod_read_unaligned::<u64>).sum::<u64>();
-    watch(all - rays);
-    let bytes = like.together.put(cast_slice(&own), watch);
+    let total = counts.map(pod_read_unaligned::<u64>).sum::<u64>();
+    watch(total - rays);
+    let bytes =
+        prototype.communicator.all_gather(cast_slice(&found_here), watch);
     let each = bytes.chunks_exact(size_of::<T>());
     found.extend(each.map(pod_read_unaligned::<T>));
-    Some(all)
+    Some(total)
 }
 
 /// Pieces of a round, each of which a thread traces by itself.
@@ -130,12 +138,12 @@ const LEAST_FALL: f32 = 0.036;
 /// Learns a cache with tracers like this one; returns it and the rays, or
 /// none if `watch`, which is told the rays, stops it.
 pub fn train<K: Intersector>(
-    like: &Tracer<K>,
+    prototype: &Tracer<K>,
     watch: &Watch,
 ) -> Option<(RadianceCache, u64)> {
-    let &Gather { view, seed, training: rays, .. } = like.gather;
+    let &Gather { view, seed, training: rays, .. } = prototype.gather;
     // Choose the grid after a first look
-    let mut scout = Tracer { rays: 0, ..*like };
+    let mut scout = Tracer { rays: 0, ..*prototype };
     let mut points = vec![];
     let visit = |point| points.push(point);
     scout.explore(rays.min(10_000), seed, u64::MAX, visit, watch);
@@ -143,15 +151,18 @@ pub fn train<K: Intersector>(
     let (mut records, mut traced) = (vec![], scout.rays);
     for (round, percent) in (0..).zip(ROUNDS) {
         // Trace the pieces of a round
-        let share = rays * percent / 100 / PIECES;
+        let rays_each = rays * percent / 100 / PIECES;
         let explore = |piece| {
             let piece = round * PIECES + piece as u64;
-            let mut tracer = Tracer { cache: &cache, rays: 0, ..*like };
-            let records = tracer.explore(share, seed, piece, |_| (), watch);
+            let mut tracer =
+                Tracer { cache: &cache, rays: 0, ..*prototype };
+            let records =
+                tracer.explore(rays_each, seed, piece, |_| (), watch);
             (records, tracer.rays)
         };
-        let (all, pieces) = (&mut records, PIECES as usize);
-        traced += find_together(like.gather, pieces, explore, all, watch)?;
+        let (found, pieces) = (&mut records, PIECES as usize);
+        traced +=
+            find_together(prototype.gather, pieces, explore, found, watch)?;
         let before = cache.relative_error;
         cache = cache.learn(&mut records, view.surfaces.most as f32, watch);
         let now = cache.relative_error;
@@ -170,22 +181,22 @@ pub const PILOT_SAMPLES: u64 = 8;
 /// average, in proportion to the standard deviation that a pilot finds; and
 /// its rays. None if `watch`, which is told the rays, stops it.
 pub fn allocate<K: Intersector>(
-    like: &Tracer<K>,
+    prototype: &Tracer<K>,
     film: &Film,
     watch: &Watch,
 ) -> Option<(Allocation, u64)> {
-    let (window, mean) = (film.whole, film.replicate);
+    let (window, mean) = (film.run_window, film.net_size);
     // Render the scrambles of the pilot
     let tiles = film.all_tiles();
     let render = |k: usize| {
         let tile = tiles[k];
-        let mut tracer = Tracer { rays: 0, ..*like };
+        let mut tracer = Tracer { rays: 0, ..*prototype };
         let mut pixels = vec![Accumulator::default(); tile.area()];
-        let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
+        let (mut scrambles, mut reported) = (0..PILOT_SAMPLES, 0);
         while let Some(scramble) = scrambles.next()
-            && watch(tracer.rays - told)
+            && watch(tracer.rays - reported)
         {
-            told = tracer.rays;
+            reported = tracer.rays;
             let [values, _] = tracer.tile(tile, scramble);
             pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
         }
@@ -194,7 +205,7 @@ pub fn allocate<K: Intersector>(
     };
     let (count, mut found) = (tiles.len(), vec![]);
     let rays =
-        find_together(like.gather, count, render, &mut found, watch)?;
+        find_together(prototype.gather, count, render, &mut found, watch)?;
     // Sort what the pilot has found by rows
     let mut found = found.into_iter();
     let mut means = vec![0.; window.area()];
@@ -203,7 +214,7 @@ pub fn allocate<K: Intersector>(
         for (pixel, [mean, variance]) in
             (0..tile.area() as u32).zip(&mut found)
         {
-            let (_, _, number) = like.allocation.place(tile, pixel);
+            let (_, _, number) = prototype.allocation.place(tile, pixel);
             (means[number], variances[number]) = (mean, variance);
         }
     }
@@ -211,11 +222,11 @@ pub fn allocate<K: Intersector>(
     let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
     let deviations = deviations(window.size, &variances, &scale, watch);
-    let deviations = needs(deviations, &scale, like.gather.measure);
+    let deviations = needs(deviations, &scale, prototype.gather.norm);
     let middle = average(&deviations).max(f64::MIN_POSITIVE);
     let count = |d: &f64| {
-        let share = (d / middle).clamp(0.1, 8.);
-        (share * mean as f64).round().max(1.) as u32
+        let part = (d / middle).clamp(0.1, 8.);
+        (part * mean as f64).round().max(1.) as u32
     };
     let counts = deviations.iter().map(count).collect();
     Some((Allocation::new(window, counts, scale), rays))
@@ -226,7 +237,7 @@ pub fn allocate<K: Intersector>(
 fn needs(
     deviations: Vec<f64>,
     scale: &[f64],
-    Measure { relative, largest }: Measure,
+    ErrorNorm { relative, largest }: ErrorNorm,
 ) -> Vec<f64> {
     let need = |(d, scale): (f64, &f64)| {
         let part = if relative { d / scale } else { d };
@@ -262,8 +273,8 @@ fn deviations(
                 count += 1.;
             }
         }
-        let own = 0.5 * variances[i] + 0.5 * (sum / count);
-        (own + common * squares[i]).sqrt()
+        let variance = 0.5 * variances[i] + 0.5 * (sum / count);
+        (variance + common * squares[i]).sqrt()
     };
     let rows = (0..height).into_par_iter().filter(|_| watch(0));
     let pixels = rows.map(|y| y * width..(y + 1) * width);

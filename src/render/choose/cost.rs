@@ -6,7 +6,7 @@
 use super::pilot::Pilot;
 use super::policy::MANY;
 use super::sampling::{Method, Pixels, Sampling};
-use crate::film::Measure;
+use crate::film::ErrorNorm;
 use crate::integrator::gather::training::PILOT_SAMPLES;
 
 impl Pilot {
@@ -50,7 +50,7 @@ impl Forecast {
         match sampling.method {
             Method::Reference => [first + later, rays],
             Method::Sobol => {
-                let net = libm::pow(sampling.replicate as f64, -0.4);
+                let net = libm::pow(sampling.net_size as f64, -0.4);
                 [self.pilot.controlled() * net + later, 1.05 * rays]
             }
             Method::Gather => {
@@ -74,7 +74,7 @@ impl Forecast {
     /// The rays of a sample with its part of the corrections.
     fn gathering(&self, sampling: &Sampling) -> f64 {
         let further = 4.7 * self.albedo * self.pilot.indirect;
-        let more = 0.5 / sampling.replicate as f64;
+        let more = 0.5 / sampling.net_size as f64;
         (1. + more) * (self.seen() + further)
     }
 
@@ -104,7 +104,7 @@ impl Forecast {
 
     /// The mean square error of an image that is good enough. The error of the
     /// worst pixel is taken for three times that of all.
-    pub fn allowed(&self, (error, of): (f64, Measure)) -> f64 {
+    pub fn allowed(&self, (error, of): (f64, ErrorNorm)) -> f64 {
         let whole = if of.relative { self.pilot.square } else { 1. };
         let part = if of.largest { 1. / 9. } else { 1. };
         error * error * whole * part
@@ -112,7 +112,7 @@ impl Forecast {
 
     /// The work before each pixel has a sample, in paths.
     pub fn first_paths(&self, sampling: &Sampling) -> f64 {
-        let first = self.area() * sampling.replicate as f64;
+        let first = self.area() * sampling.net_size as f64;
         match sampling.method {
             Method::Gather => {
                 let rays = self.learning(sampling)

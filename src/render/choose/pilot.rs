@@ -76,7 +76,7 @@ impl Trial<'_> {
         let Window { corner: (left, top), size } = self.window;
         let x = left + random.random_range(0..size.0);
         let y = top + random.random_range(0..size.1);
-        let known = &self.setup.analysis.known;
+        let known = &self.setup.analysis.known_pixels;
         if known.content((x, y)) != TileContent::Scene {
             return Pilot::default();
         }

@@ -13,7 +13,7 @@ use super::cost::Forecast;
 use super::pilot::{Pilot, Trial};
 use super::sampling::{GATHER_RAYS, Method, Sampling, Setup};
 use crate::bvh::Intersector as _;
-use crate::film::{Measure, Window};
+use crate::film::{ErrorNorm, Window};
 
 impl Setup<'_> {
     /// Chooses how the samples of a request are made, or as many as have the
@@ -90,8 +90,11 @@ impl Setup<'_> {
         request: &Request,
         saved: Option<Sampling>,
     ) -> (Sampling, Option<Choice>) {
-        let known =
-            self.analysis.known.is_all().then_some(Method::Reference);
+        let known = self
+            .analysis
+            .known_pixels
+            .is_all()
+            .then_some(Method::Reference);
         let begun = saved.map(|saved| saved.method);
         let wanted = request.method.or(begun).or(known);
         // Say whether a pilot is needed
@@ -191,7 +194,7 @@ pub struct Budget {
     /// Seconds from the start of the program.
     pub time: Option<f64>,
     /// The error to reach, and which error it is.
-    pub error: Option<(f64, Measure)>,
+    pub error: Option<(f64, ErrorNorm)>,
 }
 
 impl Budget {
@@ -203,7 +206,7 @@ impl Budget {
     /// Samples until the root mean square over pixels or receivers of the
     /// standard error is this part of each one's mean.
     pub fn relative_error(error: f64) -> Self {
-        let measure = Measure { relative: true, largest: false };
+        let measure = ErrorNorm { relative: true, largest: false };
         Self { samples: None, time: None, error: Some((error, measure)) }
     }
 
@@ -241,7 +244,7 @@ pub fn expected_rays(
     area: usize,
     from: Vantage,
 ) -> f64 {
-    let enough = |(error, measure): (f64, Measure)| {
+    let enough = |(error, measure): (f64, ErrorNorm)| {
         let deviation = match from {
             _ if measure.relative => 1.,
             Vantage::Inside => 0.006,
@@ -263,7 +266,7 @@ pub fn expected_rays(
 }
 
 /// The number of paths before which no error is believed.
-pub const DECISIVE: f64 = 1000.;
+pub const MIN_PATHS: f64 = 1000.;
 
 /// The samples of each of so many pixels after which an error is expected to
 /// be reached, given the error after some samples, if it is known.
@@ -272,7 +275,7 @@ pub fn samples_to_error(
     (spp, error): (u64, Option<f64>),
     area: u64,
 ) -> u64 {
-    let least = (DECISIVE / area as f64).ceil().max(2.);
+    let least = (MIN_PATHS / area as f64).ceil().max(2.);
     let Some(error) = error else {
         let is_open = spp < least as u64;
         return if is_open { least as u64 } else { u64::MAX };

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::Bvh;
-use crate::film::{Film, Measure, Window};
+use crate::film::{ErrorNorm, Film, Window};
 use crate::integrator::gather::{Correction, Gather, Learnt};
-use crate::integrator::{PathTracer, Together, identity};
+use crate::integrator::{Communicator, PathTracer, identity};
 use crate::numerics::power_of_two;
 use crate::render::{Job, Renderer};
 use crate::sampler::sobol::SobolSampler;
@@ -55,15 +55,16 @@ pub struct Sampling {
     /// Chooses all random numbers.
     pub seed: u64,
     /// Samples of a pixel that are placed together, on average.
-    pub replicate: u64,
+    #[serde(rename = "replicate")]
+    pub net_size: u64,
     /// At most about as many rays train the cache of a gather.
     pub training: u64,
     /// Of paths in nets, [`PathTracer::control`] in per cent.
     #[serde(rename = "sky_control")]
     pub control: u64,
     /// Of a gather, the error for which its samples are distributed.
-    #[serde(default, skip_serializing_if = "Measure::is_usual")]
-    pub measure: Measure,
+    #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
+    pub measure: ErrorNorm,
 }
 
 /// The pixels of a window.
@@ -103,18 +104,18 @@ impl Sampling {
         let root = (rays as f64 * BEST_TRAINING).sqrt() as u64;
         let trained = root.min(rays.saturating_mul(2));
         let trained = trained.clamp(1 << 16, 1 << 22);
-        let (replicate, training) = match method {
+        let (net_size, training) = match method {
             Method::Reference => (1, 0),
             Method::Sobol => (together(least, most), 0),
             Method::Gather => (together(16, gathered), trained),
         };
-        let (control, measure) = (0, Measure::default());
-        Self { method, seed, replicate, training, control, measure }
+        let (control, measure) = (0, ErrorNorm::default());
+        Self { method, seed, net_size, training, control, measure }
     }
 
     /// The same film, which has no sample, for these samples.
     pub fn film(&self, film: Film) -> Film {
-        let film = film.with_replicates(self.replicate);
+        let film = film.with_net_size(self.net_size);
         match self.method {
             Method::Gather => film.with_shared_tiles(),
             _ => film,
@@ -157,10 +158,10 @@ impl<'a> Setup<'a> {
         &self,
         sampling: &Sampling,
         learnt: Arc<OnceLock<Learnt>>,
-        together: &'a dyn Together,
+        communicator: &'a dyn Communicator,
     ) -> Box<dyn Renderer + 'a> {
         let &Self { intersector, view, analysis } = self;
-        let &Sampling { seed, replicate, training, .. } = sampling;
+        let &Sampling { seed, net_size, training, .. } = sampling;
         let mut paths = PathTracer::new(view.surfaces, view.sky);
         match sampling.method {
             Method::Reference => {
@@ -168,18 +169,18 @@ impl<'a> Setup<'a> {
             }
             Method::Sobol => {
                 paths.control = sampling.control as f64 / 100.;
-                self.job(paths, SobolSampler::new(seed, replicate))
+                self.job(paths, SobolSampler::new(seed, net_size))
             }
             Method::Gather => Box::new(Gather {
-                measure: sampling.measure,
+                norm: sampling.measure,
                 view,
                 intersector,
-                known: &analysis.known,
+                known_pixels: &analysis.known_pixels,
                 seed,
                 training,
                 correction: Some(Correction::default()),
                 learnt,
-                together,
+                communicator,
             }),
         }
     }
@@ -200,7 +201,7 @@ impl<'a> Setup<'a> {
             sensor: self.view.sensor,
             intersector: self.intersector,
             integrator,
-            known: &self.analysis.known,
+            known_pixels: &self.analysis.known_pixels,
             sampler,
         })
     }
