@@ -44,6 +44,7 @@ pub mod analysis;
 pub mod bvh;
 pub mod camera;
 pub mod compare;
+pub mod error;
 pub mod film;
 pub mod filter;
 pub mod image;

@@ -27,6 +27,7 @@ use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, Viewpoint, direction, typed};
 use crate::compare::disagreements;
 use crate::compare::display::Exposure;
+use crate::error::Diagnostic;
 use crate::film::{Film, SIDE, tile_height};
 use crate::image::levels::level;
 use crate::image::{Format, Image};
@@ -377,7 +378,9 @@ fn open_files(
         Ok((product?, OutputTarget::file(path, force(path))?))
     };
     let image = |path| match options.has_receivers() {
-        true => TableFormat::of(path, options.vertices).map(Product::Table),
+        true => {
+            Ok(Product::Table(TableFormat::of(path, options.vertices)?))
+        }
         false => format_of(path, usual).map(Product::Image),
     };
     let images = options.images().map(|path| open(image(path), path));
@@ -473,7 +476,7 @@ fn prepare(
     let file = options.input_name();
     let named = albedos_by_name(options, &mesh, ranks)?;
     let albedos = FaceAlbedos::new(&mesh.marks, &named, options.albedo())
-        .map_err(|error| format!("{file}{error}"))?;
+        .map_err(|error| error.of_file(&file))?;
     let (receivers, table) =
         asked(options, points, &mesh, &albedos)?.unzip();
     let subject = subject(options, &mesh, named, receivers);
@@ -530,17 +533,17 @@ fn prepare(
 fn parse(options: &Options, bytes: &[u8]) -> Result<Mesh, String> {
     let file = options.input_name();
     let step = step(format!("parsing {file}"), None);
-    let read = read_file(bytes).map_err(|error| format!("{file}{error}"));
+    let read = read_file(bytes).map_err(|error| error.of_file(&file));
     drop(step);
     let (mesh, warnings) = read?;
     warn_all(&file, warnings);
     Ok(mesh)
 }
 
-/// Prints warnings that follow the name of a file.
-fn warn_all(file: &str, warnings: Vec<String>) {
+/// Prints warnings of a file.
+fn warn_all(file: &str, warnings: Vec<Diagnostic>) {
     for warning in warnings {
-        progress::warn(&format!("{file}{warning}"));
+        progress::warn(&warning.of_file(file).to_string());
     }
 }
 
@@ -555,7 +558,7 @@ fn asked(
         Options { points: Some(path), .. } => {
             let (file, mut odd) = (input_name(path), vec![]);
             let read = read_points(points, &mut odd);
-            let read = read.map_err(|e| format!("{file}{e}"))?;
+            let read = read.map_err(|error| error.of_file(&file))?;
             warn_all(&file, odd);
             (Asked::Points(sha256(points)), Shape::Points(read))
         }
@@ -573,7 +576,7 @@ fn asked(
     let backs = options.faces.unwrap_or(Side::Front).backs();
     let grey = |value| level(value, 255) as u8;
     let file = options.points.as_deref().map(input_name);
-    let file = file.unwrap_or(options.input_name()) + ": ";
+    let file = file.unwrap_or(options.input_name());
     let table = Table { shape, backs, mesh, file, albedos, grey };
     Ok(Some((asked, table)))
 }
@@ -604,12 +607,13 @@ fn albedos_by_name(
             hear(ranks)?.unwrap_or_else(|| Ok(Default::default()))
         } else {
             let read = libraries(&mesh.marks, (&file, folder), band);
+            let read = read.map_err(String::from);
             tell(ranks, &read);
             read
         };
         let (materials, warnings) = read?;
         named.materials = materials;
-        warnings.iter().for_each(|warning| progress::warn(warning));
+        warn_all(&file, warnings);
     } else if ignored > 0 && named.named_albedos.is_empty() {
         let albedo = options.albedo();
         progress::warn(&format!(
