@@ -26,12 +26,12 @@ pub use triangle::NONE;
 pub use wide::Quality;
 
 use std::cell::RefCell;
-use std::{fmt, io};
+use std::fmt;
 
-use clap::ValueEnum;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Error, Result};
 use crate::numerics::cross;
 use crate::scene::{Ray, Scene, Triangle, Triangles};
 #[cfg(target_arch = "x86_64")]
@@ -41,7 +41,8 @@ use traverser::Traverser;
 use triangle::Leaf;
 
 /// Sets of instructions with which a hierarchy can be traversed.
-#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Isa {
     /// Sixteen boxes at a time.
     Avx512,
@@ -109,7 +110,7 @@ impl Bvh {
     ///
     /// # Errors
     /// Too little memory, or too many triangles; 2^26 always fit.
-    pub fn new(scene: &Scene) -> io::Result<Self> {
+    pub fn new(scene: &Scene) -> Result<Self> {
         Self::with(scene, Quality::THOROUGH, Isa::best())
     }
 
@@ -119,11 +120,7 @@ impl Bvh {
     /// # Errors
     /// Instructions that this processor lacks, too little memory, or too
     /// many triangles; 2^26 always fit.
-    pub fn with(
-        scene: &Scene,
-        quality: Quality,
-        isa: Isa,
-    ) -> io::Result<Self> {
+    pub fn with(scene: &Scene, quality: Quality, isa: Isa) -> Result<Self> {
         Self::of(scene.triangles.clone(), quality, isa, &|_| ())
     }
 
@@ -138,11 +135,12 @@ impl Bvh {
         quality: Quality,
         isa: Isa,
         placed: &dyn Fn(usize),
-    ) -> io::Result<Self> {
+    ) -> Result<Self> {
         // Build for one set of instructions
         if !isa.is_available() {
             let lacks = "this processor lacks the instructions";
-            return Err(io::Error::other(format!("{lacks} {isa}")));
+            let fault = format!("{lacks} {isa}");
+            return Err(Error::value("isa", isa, fault));
         }
         let all = (triangles, quality, placed);
         // SAFETY: the processor has the instructions.

@@ -667,7 +667,8 @@ impl Options {
         let limited = self.time.is_some() || self.error.is_some();
         let shows =
             self.images().next().is_some() || !self.report.is_empty();
-        let is_png = |path: &PathBuf| Format::of(path) == Ok(Format::Png);
+        let is_png =
+            |path: &PathBuf| matches!(Format::of(path), Ok(Format::Png));
         let is_open = |path| descriptor(path).is_some();
         // Describe a part that is not within the image
         let (window, (width, height)) = (self.window(), resolution);

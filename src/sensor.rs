@@ -345,7 +345,7 @@ fn oddity(
     Some(if bvh.ground_below(hit.point) < -0.75 * LIFT {
         (false, "below the ground")
     } else if has_near(bvh, hit.point, 0.125 * LIFT, |_| true) {
-        (false, "in an edge, or too close to a surface")
+        (false, "on an edge, or too close to a surface")
     } else if frame.is_far(hit.point) {
         (true, "outside by ten times the size of the scene")
     } else if is_oriented && looks_into(bvh, hit) {

@@ -27,7 +27,7 @@ use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, Viewpoint, direction, typed};
 use crate::compare::disagreements;
 use crate::compare::display::Exposure;
-use crate::error::Diagnostic;
+use crate::error::{self, Diagnostic};
 use crate::film::{Film, SIDE, tile_height};
 use crate::image::levels::level;
 use crate::image::{Format, Image};
@@ -37,7 +37,7 @@ use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces};
 use crate::materials::{libraries, names};
 use crate::memory::zeroed;
 use crate::options::{Error, Options, Target, input_name, is_dash};
-use crate::output::{OutputTarget, format_of, tell_apart};
+use crate::output::{OutputTarget, format_of, refuse_aliases};
 use crate::progress::{self, ProgressBar, expect, render_bar, step};
 use crate::render::Renderer;
 use crate::render::choose::{Choice, Method, Request, Sampling};
@@ -100,7 +100,7 @@ pub fn fail(error: Error) -> ExitCode {
     let (message, status) = match error {
         Error::Help(text) => match print(&text) {
             Ok(()) => return ExitCode::SUCCESS,
-            Err(message) => (message, 1),
+            Err(error) => (error.to_string(), 1),
         },
         Error::Usage(message) => (message, 2),
         Error::Failure(message) => (message, 1),
@@ -110,7 +110,7 @@ pub fn fail(error: Error) -> ExitCode {
 }
 
 /// Prints a text on standard output, on a terminal in colour.
-fn print(text: &StyledStr) -> Result<(), String> {
+fn print(text: &StyledStr) -> error::Result<()> {
     let plain = AutoStream::choice(&io::stdout()) == ColorChoice::Never;
     OutputTarget::standard_output()?.write(&mut |out| match plain {
         true => write!(out, "{text}"),
@@ -366,7 +366,7 @@ fn open_files(
     let written =
         options.images().chain(reports.clone()).chain(state.clone());
     let read = [scene, reference, options.learnt.as_deref(), others[1]];
-    tell_apart(read.into_iter().flatten(), written)?;
+    refuse_aliases(read.into_iter().flatten(), written)?;
     // Decide which files may be replaced
     let force = |path: &Path| {
         let old = options.replaced.iter().map(|old| old.canonicalize());
@@ -381,7 +381,7 @@ fn open_files(
         true => {
             Ok(Product::Table(TableFormat::of(path, options.vertices)?))
         }
-        false => format_of(path, usual).map(Product::Image),
+        false => Ok(Product::Image(format_of(path, usual)?)),
     };
     let images = options.images().map(|path| open(image(path), path));
     let report = |path: &Path| match Kind::of(path)? {

@@ -378,7 +378,7 @@ fn view() -> View {
 #[test]
 fn impossible_views_are_refused_without_a_tolerance() {
     let refused = |bad: View, why: &str| {
-        let error = Camera::new(&bad, 1.).unwrap_err();
+        let error = Camera::new(&bad, 1.).unwrap_err().to_string();
         assert!(error.contains(why), "{error}");
     };
     let target = view().position;

@@ -268,7 +268,7 @@ fn what_has_no_value_is_counted_and_named() {
         found.iter().map(|[value, _]| value.is_finite()).collect();
     assert_eq!(is_known, [true, false, false, false, true]);
     for told in [
-        "in an edge, or too close to a surface, the first in line 4",
+        "on an edge, or too close to a surface, the first in line 4",
         "too far away, the first in line 5",
         "without a normal, the first in line 3",
     ] {

@@ -17,6 +17,7 @@ use super::{Job, Renderer};
 use crate::analysis::background::TileContent;
 use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::{Bvh, Dispatch, Intersector};
+use crate::error::{Error, Result};
 use crate::film::{Film, Measure, Window};
 use crate::integrator::gather::training::PILOT_SAMPLES;
 use crate::integrator::gather::{Correction, Gather, Learnt};
@@ -58,11 +59,12 @@ pub type Wanted = Option<Method>;
 ///
 /// # Errors
 /// There is no method of this name.
-pub fn parse_method(name: &str) -> Result<Wanted, String> {
+pub fn parse_method(name: &str) -> Result<Wanted> {
     let mut all = Method::ALL.into_iter();
     match all.find(|method| method.to_string() == name) {
         None if name != "auto" => {
-            Err("expected auto, reference, sobol or gather".to_owned())
+            let syntax = "expected auto, reference, sobol or gather";
+            Err(Error::value("method", name, syntax))
         }
         method => Ok(method),
     }
