@@ -21,6 +21,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use crate::error::Diagnostic;
 use crate::integrator::{Communicator, SingleProcess};
 
 /// What a program hears while a scene is prepared.
@@ -62,6 +63,12 @@ impl Host<'_> {
     /// Warns of something.
     pub fn warn(&self, text: impl Into<String>) {
         (self.listen)(Event::Warning(text.into()));
+    }
+
+    /// Warns of what is odd about a file.
+    pub fn warn_all(&self, file: &str, odd: Vec<Diagnostic>) {
+        odd.into_iter()
+            .for_each(|it| self.warn(it.of_file(file).to_string()));
     }
 
     /// Says that a stage begins, of so many steps if that is known.

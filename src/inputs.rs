@@ -25,6 +25,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
+use crate::error::{Error, Result};
 use crate::host::Host;
 use crate::materials::libraries;
 use crate::plan::{Plan, input_name, is_dash};
@@ -60,7 +61,7 @@ impl Inputs {
     ///
     /// # Errors
     /// A file cannot be read, or has not what it should.
-    pub fn read(plan: &Plan, host: Host) -> Result<Self, String> {
+    pub fn read(plan: &Plan, host: Host) -> Result<Self> {
         let began = Instant::now();
         let leads = host.ranks.place().0 == 0;
         let load = |path: &Path, is_scene| {
@@ -79,8 +80,8 @@ impl Inputs {
             inputs.points_sha256 = sha256(&bytes);
             let (file, mut odd) = (input_name(path), vec![]);
             let points = read_points(&bytes, &mut odd);
-            inputs.points = points.map_err(|e| format!("{file}{e}"))?;
-            odd.iter().for_each(|odd| host.warn(format!("{file}{odd}")));
+            inputs.points = points.map_err(|error| error.of_file(&file))?;
+            host.warn_all(&file, odd);
         }
         inputs.mesh = parse(&plan.scene_name(), &bytes, host)?;
         if plan.names_scene() {
@@ -106,35 +107,29 @@ impl Inputs {
 }
 
 /// The bytes of a file or of standard input.
-fn read_bytes(
-    path: &Path,
-    is_scene: bool,
-    host: Host,
-) -> Result<Vec<u8>, String> {
+fn read_bytes(path: &Path, is_scene: bool, host: Host) -> Result<Vec<u8>> {
     let file = input_name(path);
     host.enter(format!("reading {file}"), None);
-    let fault = |e| format!("{file}: cannot read: {e}");
+    let fault = || Error::cannot("read", &file);
     let mut pipe: Box<dyn Read> = match path {
         path if is_dash(path) => Box::new(io::stdin()),
-        path if path.is_file() => return fs::read(path).map_err(fault),
-        path => Box::new(File::open(path).map_err(fault)?),
+        path if path.is_file() => return fs::read(path).map_err(fault()),
+        path => Box::new(File::open(path).map_err(fault())?),
     };
     let mut bytes = Vec::new();
     pipe.by_ref()
         .take(PROBE_BYTES)
         .read_to_end(&mut bytes)
-        .map_err(fault)?;
+        .map_err(fault())?;
     let is_long = is_scene && bytes.len() as u64 == PROBE_BYTES;
     if is_long && !begins_obj(&bytes) {
-        return Err(fault(io::Error::other(
-            "no vertex in the first 64 MiB",
-        )));
+        let vertex = "no vertex in the first 64 MiB";
+        return Err(fault()(io::Error::other(vertex)));
     }
-    pipe.read_to_end(&mut bytes).map_err(fault)?;
+    pipe.read_to_end(&mut bytes).map_err(fault())?;
     if is_scene && is_dash(path) && bytes.is_empty() {
-        return Err(format!(
-            "{file}: empty; name a scene, as in pt scene.obj"
-        ));
+        let fault = Error::from("empty; name a scene, as in pt scene.obj");
+        return Err(fault.of_file(file));
     }
     Ok(bytes)
 }
@@ -143,11 +138,11 @@ fn read_bytes(
 const PROBE_BYTES: u64 = 1 << 26;
 
 /// Parses the mesh of a scene, and warns of what is odd.
-fn parse(file: &str, bytes: &[u8], host: Host) -> Result<Mesh, String> {
+fn parse(file: &str, bytes: &[u8], host: Host) -> Result<Mesh> {
     host.enter(format!("parsing {file}"), None);
-    let read = read_file(bytes).map_err(|error| format!("{file}{error}"));
+    let read = read_file(bytes).map_err(|error| error.of_file(file));
     let (mesh, warnings) = read?;
-    warnings.iter().for_each(|odd| host.warn(format!("{file}{odd}")));
+    host.warn_all(file, warnings);
     Ok(mesh)
 }
 
@@ -162,13 +157,13 @@ fn materials(
     plan: &Plan,
     mesh: &Mesh,
     host: Host,
-) -> Result<BTreeMap<String, f64>, String> {
+) -> Result<BTreeMap<String, f64>> {
     let albedos = in_first_rank(host, || {
         let folder = plan.scene.parent().unwrap_or(Path::new(""));
         let file = (&*plan.scene_name(), folder);
         let (albedos, warnings) =
             libraries(&mesh.marks, file, plan.surfaces.band)?;
-        warnings.into_iter().for_each(|warning| host.warn(warning));
+        host.warn_all("", warnings);
         Ok(albedos)
     })?;
     Ok(albedos)
@@ -180,8 +175,8 @@ fn materials(
 /// It finds none, or has ended, or is of another version.
 pub fn in_first_rank<T: Serialize + DeserializeOwned>(
     host: Host,
-    find: impl FnOnce() -> Result<T, String>,
-) -> Result<T, String> {
+    find: impl FnOnce() -> Result<T>,
+) -> Result<T> {
     let (rank, size) = host.ranks.place();
     if size == 1 {
         return find();
@@ -194,5 +189,5 @@ pub fn in_first_rank<T: Serialize + DeserializeOwned>(
     }
     let text = host.ranks.broadcast(vec![])?;
     serde_json::from_slice(&text)
-        .map_err(|_| "rank 0 runs another version".to_owned())
+        .map_err(|_| "rank 0 runs another version".into())
 }

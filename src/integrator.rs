@@ -12,6 +12,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Hit;
+use crate::error::Result;
 use crate::film::{Film, Watch};
 use crate::materials::Surfaces;
 use crate::sampler::{Sampler, cosine_direction, dimension};
@@ -122,7 +123,7 @@ pub trait Communicator: Sync {
     ///
     /// # Errors
     /// The first process has ended.
-    fn broadcast(&self, own: Vec<u8>) -> Result<Vec<u8>, String> {
+    fn broadcast(&self, own: Vec<u8>) -> Result<Vec<u8>> {
         Ok(own)
     }
 }

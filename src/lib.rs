@@ -46,6 +46,7 @@ pub mod camera;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod compare;
+pub mod error;
 pub mod film;
 pub mod filter;
 pub mod host;

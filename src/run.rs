@@ -29,6 +29,7 @@
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
+use crate::error::{Error, Result};
 use crate::film::{Film, NEIGHBOUR_WEIGHT};
 use crate::host::{Host, Interrupt};
 use crate::inputs::in_first_rank;
@@ -83,7 +84,7 @@ impl<'a> Run<'a> {
         plan: &'a Plan,
         history: &History,
         host: Host<'a>,
-    ) -> Result<Self, String> {
+    ) -> Result<Self> {
         host.enter("choosing a method", None);
         let World { bvh, analysis, subject, .. } = world;
         let setup =
@@ -125,7 +126,7 @@ impl<'a> Run<'a> {
     pub fn film(
         &self,
         state: Option<Checkpoint>,
-    ) -> Result<(Film, Convergence), String> {
+    ) -> Result<(Film, Convergence)> {
         let key = &self.key;
         self.ask_for_memory()?;
         let mut film = key.film();
@@ -153,7 +154,7 @@ impl<'a> Run<'a> {
     }
 
     /// Fails if the memory of the film is not there.
-    fn ask_for_memory(&self) -> Result<(), String> {
+    fn ask_for_memory(&self) -> Result<()> {
         let [whole, area] = self.key.windows().map(|window| window.area());
         let learns = self.key.sampling.method == Method::Gather
             && self.learnt.get().is_none();
@@ -163,7 +164,9 @@ impl<'a> Run<'a> {
         let sums: usize = parts.map(|(_, area)| area).sum();
         zeroed::<Accumulator>(sums).map(drop).map_err(|_| {
             let bytes = metric(64. * sums as f64);
-            format!("too little memory: {bytes}B more are needed")
+            Error::Memory(format!(
+                "too little memory: {bytes}B more are needed"
+            ))
         })
     }
 
@@ -222,7 +225,7 @@ impl<'a> Run<'a> {
     pub fn render(
         mut self,
         interrupt: &Interrupt,
-    ) -> Result<Rendering<'a>, String> {
+    ) -> Result<Rendering<'a>> {
         let (mut film, mut convergence) = self.film(None)?;
         let limits = Limits { interrupt: Some(interrupt), ..self.limits() };
         let renderer = &mut *self.renderer;
@@ -322,17 +325,18 @@ fn learnt_before(
     key: &RunKey,
     history: &History,
     host: Host,
-) -> Result<Arc<OnceLock<Learnt>>, String> {
+) -> Result<Arc<OnceLock<Learnt>>> {
     let own = history.state.as_ref();
     let mut found = own.map(|s| s.known.learnt.clone()).unwrap_or_default();
     if let (Some(path), Some(cache)) = (&plan.cache, &history.cache) {
         let (name, mut known) = (path.display(), cache.known.clone());
         known.run_key.part = key.part;
         let belongs = known.belongs_to(key);
-        belongs.map_err(|fault| format!("{name}: {fault}"))?;
+        belongs.map_err(|fault| fault.of_file(&name))?;
         found = known.learnt;
         if found.get().is_none() && key.sampling.method == Method::Gather {
-            return Err(format!("{name}: holds nothing learnt"));
+            let fault = Error::from("holds nothing learnt");
+            return Err(fault.of_file(name));
         }
     }
     // Tell the other processes
@@ -342,8 +346,10 @@ fn learnt_before(
     }
     let mut bytes = vec![];
     if rank == 0 {
-        learnt::write(&found, &mut bytes).map_err(|e| e.to_string())?;
+        learnt::write(&found, &mut bytes)
+            .map_err(Error::cannot("write", "what was learnt"))?;
     }
     let bytes = host.ranks.broadcast(bytes)?;
-    learnt::read(&mut &bytes[..], key).map_err(|e| e.to_string())
+    learnt::read(&mut &bytes[..], key)
+        .map_err(Error::cannot("read", "what was learnt"))
 }

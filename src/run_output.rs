@@ -17,6 +17,7 @@ use crate::bvh::Bvh;
 use crate::compare::display::{AUTO_EXPOSURE, Curve, Exposure};
 use crate::compare::display::{auto_stops, cut_out};
 use crate::compare::display::{seeming_surfaces, tonemap};
+use crate::error::Result;
 use crate::film::Film;
 use crate::filter::{Filtered, FirstHits, surface_means};
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
@@ -108,7 +109,7 @@ impl<'a> RunOutput<'a> {
         convergence: &Convergence,
         film: &Film,
         now: Option<Instant>,
-    ) -> Result<(), String> {
+    ) -> Result<()> {
         let Self { files, every, known, hits, .. } = self;
         let scene = self.scene;
         let (exposure, table) = (self.exposure, self.table);
@@ -203,7 +204,7 @@ impl<'a> RunOutput<'a> {
                 Some(_) => file.target.rewrite(content),
                 None => file.target.write(content),
             };
-            failures.extend(written.err());
+            failures.extend(written.err().map(String::from));
             // Say when a file is due again
             let mut took = began.elapsed();
             if file.product.is_picture() {
@@ -217,7 +218,11 @@ impl<'a> RunOutput<'a> {
             file.due = file.due.and(Instant::now().checked_add(pause));
             file.seconds = convergence.seconds;
         }
-        if failures.is_empty() { Ok(()) } else { Err(failures.join("; ")) }
+        if failures.is_empty() {
+            Ok(())
+        } else {
+            Err(failures.join("; ").into())
+        }
     }
 
     /// A guess of the seconds that all files take for so many pixels, if none

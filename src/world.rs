@@ -24,6 +24,7 @@ use glam::DVec3;
 use crate::analysis::{LitView, SHORTCUTS, SceneAnalysis};
 use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, direction, typed};
+use crate::error::{Error, Result};
 use crate::film::{SIDE, tile_height};
 use crate::host::{Event, Host};
 use crate::image::levels::level;
@@ -91,11 +92,7 @@ impl World {
     ///
     /// # Errors
     /// The plan does not suit the scene, or there is too little memory.
-    pub fn new(
-        plan: &Plan,
-        inputs: Inputs,
-        host: Host,
-    ) -> Result<Self, String> {
+    pub fn new(plan: &Plan, inputs: Inputs, host: Host) -> Result<Self> {
         let began = Instant::now();
         let file = plan.scene_name();
         let triangles = inputs.mesh.triangles.len() as u64;
@@ -105,7 +102,7 @@ impl World {
         let named = named(plan, &inputs, host);
         let faces =
             FaceAlbedos::new(&mesh.marks, &named, plan.surfaces.albedo)
-                .map_err(|fault| format!("{}{fault}", file.file))?;
+                .map_err(|fault| fault.of_file(&file.file))?;
         let (asked, table) = asked(plan, &inputs, &faces).unzip();
         let mut subject = subject(plan, mesh, named, asked);
         note_camera(plan, &subject, host);
@@ -127,7 +124,7 @@ impl World {
         host.enter("building the hierarchy", total);
         let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
         let bvh = Bvh::of(triangles, quality, plan.isa, &placed);
-        let mut bvh = bvh.map_err(|e| e.to_string())?;
+        let mut bvh = bvh?;
         bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
         let albedos = AlbedoTable::new(&faces, &bvh)?;
         // Put receivers in the order of their places
@@ -138,7 +135,8 @@ impl World {
                 plan.points().is_some() && left_out[1].is_empty();
             let around = (&bvh, &frame, subject.sky.zenith, has_sides);
             all.order(around, |hit| grid.order(hit));
-            warn_all(table, table.odd(all, |why, _| why != INSIDE), host);
+            let odd = table.odd(all, |why, _| why != INSIDE);
+            host.warn_all(&table.file, odd);
             check_receivers(plan, table, all.count(), &mut subject)?;
         }
         let mut world = Self {
@@ -188,7 +186,7 @@ impl World {
     ///
     /// # Errors
     /// The plan does not suit the scene; it is shown as before.
-    pub fn show(&mut self, plan: &Plan, mesh: &Mesh) -> Result<(), String> {
+    pub fn show(&mut self, plan: &Plan, mesh: &Mesh) -> Result<()> {
         let named_albedos = plan.surfaces.named.clone();
         let named = Named { named_albedos, ..self.subject.named.clone() };
         let new = subject(plan, mesh, named, None);
@@ -250,7 +248,6 @@ fn asked(
         SensorPlan::Vertices => (Asked::Vertices, Shape::Vertices),
     };
     let grey = |value| level(value, 255) as u8;
-    let file = file + ": ";
     let table =
         Table { shape, backs, mesh, file, albedos: albedo_of, grey };
     Some((asked, table))
@@ -354,15 +351,8 @@ fn warn_of_size(triangles: &crate::scene::Triangles, host: Host) {
     }
 }
 
-/// Warns of what is odd about receivers.
-pub fn warn_all(table: &Table, warnings: Vec<String>, host: Host) {
-    for warning in warnings {
-        host.warn(format!("{}{warning}", table.file));
-    }
-}
-
 /// The camera of what is shown.
-fn camera(sensed: &Sensed, frame: &Frame) -> Result<Sensor, String> {
+fn camera(sensed: &Sensed, frame: &Frame) -> Result<Sensor> {
     let framing = sensed.camera().ok_or("there is no camera")?;
     let (width, height) = framing.resolution;
     let aspect = f64::from(width) / f64::from(height);
@@ -395,19 +385,20 @@ fn check_receivers(
     table: &Table,
     count: usize,
     subject: &mut Subject,
-) -> Result<(), String> {
+) -> Result<()> {
     let name = table.shape.name();
     if count == 0 {
-        return Err(format!("none of the {name} has a value"));
+        return Err(format!("none of the {name} has a value").into());
     }
     if let Sensed::Receivers { count: of, .. } = &mut subject.sensed {
         *of = count as u32;
     }
     let rows = subject.sensed.window().tile_rows(tile_height(true));
     if plan.part.is_some_and(|part| part.band.1 > rows) {
-        return Err(format!(
+        let fault = format!(
             "--tiles: not more bands than there are tiles of {name}: {rows}"
-        ));
+        );
+        return Err(Error::value("tiles", rows, fault));
     }
     Ok(())
 }

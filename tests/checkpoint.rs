@@ -70,7 +70,7 @@ fn resume(
     film: &mut Film,
     file: Cursor<impl AsRef<[u8]>>,
 ) -> Result<Convergence, String> {
-    Checkpoint::open(file)?.resume(run_key, film)
+    Ok(Checkpoint::open(file)?.resume(run_key, film)?)
 }
 
 #[track_caller]

@@ -133,11 +133,11 @@ fn number(node: Node, attribute: &str) -> f64 {
 #[test]
 fn the_extension_chooses_the_kind() {
     let of = |name| Kind::of(Path::new(name));
-    assert_eq!(of("a/b.json"), Ok(Kind::Json));
-    assert_eq!(of("b.CSV"), Ok(Kind::Csv));
-    assert_eq!(of("b.html"), Ok(Kind::Html));
+    assert_eq!(of("a/b.json").unwrap(), Kind::Json);
+    assert_eq!(of("b.CSV").unwrap(), Kind::Csv);
+    assert_eq!(of("b.html").unwrap(), Kind::Html);
     for name in ["b.txt", "b", "json", "b.svg"] {
-        let message = of(name).unwrap_err();
+        let message = of(name).unwrap_err().to_string();
         assert!(message.starts_with(name), "{message}");
         assert!(message.contains(".json, .csv or .html"), "{message}");
     }

@@ -91,7 +91,8 @@ impl Setting {
         let start = Instant::now();
         let setup =
             Setup { intersector: &intersector, view, analysis: &analysis };
-        let mut renderer = setup.renderer(sampling, Arc::default(), &SingleProcess);
+        let mut renderer =
+            setup.renderer(sampling, Arc::default(), &SingleProcess);
         let rays = renderer.pass(&mut film, n, &|_| true);
         let seconds = [found, start.elapsed().as_secs_f64()];
         drop(renderer);

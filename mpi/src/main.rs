@@ -17,6 +17,7 @@ use std::{panic, thread};
 
 use litpt::cli::ranks::{Ranks, follow};
 use litpt::cli::{progress, run::main_with};
+use litpt::error::Result;
 use litpt::film::{Film, SIDE, Watch, Window};
 use litpt::integrator::Communicator;
 use litpt::key::RunKey;
@@ -54,12 +55,12 @@ impl Communicator for World {
         all.into()
     }
 
-    fn broadcast(&self, mut own: Vec<u8>) -> Result<Vec<u8>, String> {
+    fn broadcast(&self, mut own: Vec<u8>) -> Result<Vec<u8>> {
         if world().rank() == 0 {
             tell(&mut own);
             return Ok(own);
         }
-        hear().ok_or_else(|| "rank 0 has ended".to_owned())
+        hear().ok_or_else(|| "rank 0 has ended".into())
     }
 }
 

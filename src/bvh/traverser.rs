@@ -3,7 +3,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What a hierarchy answers by means of certain instructions.
 
-use std::io;
 use std::marker::PhantomData;
 
 use super::beam;
@@ -17,6 +16,7 @@ use super::spawn::hit;
 use super::traversal::{Portable, walk};
 use super::triangle::NONE;
 use super::wide::Wide;
+use crate::error::{Error, Result};
 use crate::scene::{Ray, Triangles};
 
 /// A hierarchy on a processor that has the instructions `K`.
@@ -35,11 +35,10 @@ impl<K, const N: usize> Traverser<K, N> {
     /// The processor has the instructions.
     pub unsafe fn new(
         (triangles, quality, placed): (Triangles, Quality, &dyn Fn(usize)),
-    ) -> io::Result<Self> {
+    ) -> Result<Self> {
         let wide = Wide::new(triangles, quality, placed);
         let wide = wide.map_err(|error| {
-            let text = format!("no room for the hierarchy: {error}");
-            io::Error::new(error.kind(), text)
+            Error::Memory(format!("no room for the hierarchy: {error}"))
         })?;
         Ok(Self { wide, ground: None, kernel: PhantomData })
     }

@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 
 use super::progress;
 use crate::compare::disagreements;
+use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::output::{OutputTarget, tell_apart};
+use crate::output::{OutputTarget, refuse_aliases};
 use crate::plan::{Outputs, Plan, Product, is_dash};
 use crate::run_output::attributes;
 use crate::world::World;
@@ -18,17 +19,17 @@ use crate::world::World;
 ///
 /// # Errors
 /// A file is named twice, or cannot be written.
-pub fn open(plan: &Plan) -> Result<Vec<(Product, OutputTarget)>, String> {
+pub fn open(plan: &Plan) -> Result<Vec<(Product, OutputTarget)>> {
     let Outputs { files, force, replaced, .. } = &plan.outputs;
     let (scene, points) = (&*plan.scene, plan.points());
     let reference = plan.reference.as_deref();
     let others = [reference, points];
     if is_dash(scene) && others.into_iter().flatten().any(is_dash) {
-        return Err("standard input can be read once only".to_owned());
+        return Err("standard input can be read once only".into());
     }
     let read = [Some(scene), reference, plan.cache.as_deref(), points];
     let written = files.iter().map(|(_, path)| path.as_path());
-    tell_apart(read.into_iter().flatten(), written)?;
+    refuse_aliases(read.into_iter().flatten(), written)?;
     // Open what is new, or may be replaced
     let may_replace = |path: &Path| {
         let old = replaced.iter().map(|old| old.canonicalize());
@@ -45,7 +46,7 @@ pub fn open(plan: &Plan) -> Result<Vec<(Product, OutputTarget)>, String> {
 ///
 /// # Errors
 /// It cannot be read whole, or is not as large as ours.
-pub fn reference(plan: &Plan) -> Result<Option<Image>, String> {
+pub fn reference(plan: &Plan) -> Result<Option<Image>> {
     let (Some(path), Some(camera)) = (&plan.reference, plan.camera())
     else {
         return Ok(None);
@@ -55,16 +56,18 @@ pub fn reference(plan: &Plan) -> Result<Option<Image>, String> {
     let note = &mut |fault: &str| faults.push(fault.to_owned());
     let image = Image::read_noting(path, note)?;
     if let Some(fault) = faults.first() {
-        return Err(format!(
+        let fault = format!(
             "{fault}; a reference needs the radiance of each pixel"
-        ));
+        );
+        return Err(fault.into());
     }
     let (name, (w, h)) = (path.display(), camera.window().size);
     let Image { width, height, .. } = image;
     if (width, height) != (w, h) {
-        return Err(format!(
-            "{name}: is {width}x{height} pixels large, and the image {w}x{h}"
-        ));
+        let fault = format!(
+            "is {width}x{height} pixels large, and the image {w}x{h}"
+        );
+        return Err(Error::from(fault).of_file(name));
     }
     // Warn of a reference with our seed
     if image.attributes.get("seed") == Some(&plan.seed.to_string()) {
@@ -84,7 +87,7 @@ pub fn check_reference(
     plan: &Plan,
     reference: Option<&Image>,
     world: &World,
-) -> Result<(), String> {
+) -> Result<()> {
     let (Some(image), Some(path)) = (reference, &plan.reference) else {
         return Ok(());
     };
@@ -94,6 +97,6 @@ pub fn check_reference(
     if differing.is_empty() {
         return Ok(());
     }
-    let name = path.display();
-    Err(format!("{name}: shows something else than this run: {differing}"))
+    let fault = format!("shows something else than this run: {differing}");
+    Err(Error::from(fault).of_file(path.display()))
 }

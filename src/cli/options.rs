@@ -385,6 +385,12 @@ pub enum Error {
     Failure(String),
 }
 
+impl From<crate::error::Error> for Error {
+    fn from(error: crate::error::Error) -> Self {
+        Self::Failure(error.into())
+    }
+}
+
 impl From<String> for Error {
     fn from(message: String) -> Self {
         Self::Failure(message)

@@ -8,6 +8,7 @@ use std::time::Instant;
 use super::progress;
 use super::run::start_threads;
 use super::watchdog;
+use crate::error::Result;
 use crate::host::Host;
 use crate::inputs::{Inputs, in_first_rank};
 use crate::integrator::{Communicator, SingleProcess};
@@ -38,11 +39,11 @@ impl Ranks for SingleProcess {}
 ///
 /// # Errors
 /// The scene cannot be rendered here, or the first process has ended.
-pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
+pub fn follow(ranks: &dyn Ranks) -> Result<()> {
     let _ = watchdog::listen();
     progress::set_quiet(true);
     let host = Host { listen: &|_| (), ranks, start: Instant::now() };
-    let plan: Plan = in_first_rank(host, || Err("leads".to_owned()))?;
+    let plan: Plan = in_first_rank(host, || Err("leads".into()))?;
     let plan = plan.restored();
     start_threads(&plan)?;
     let inputs = Inputs::read(&plan, host)?;

@@ -22,6 +22,7 @@ use super::ranks::Ranks;
 use super::watchdog::{Watchdog, hard_deadline, listen, status};
 use crate::analysis::Finding;
 use crate::camera::Camera;
+use crate::error::Result;
 use crate::film::Film;
 use crate::host::Host;
 use crate::image::{Format, Image};
@@ -33,7 +34,7 @@ use crate::run::{History, Run};
 use crate::run_output::RunOutput;
 use crate::sensor::INSIDE;
 use crate::state::checkpoint::{Checkpoint, Known};
-use crate::world::{World, warn_all};
+use crate::world::World;
 
 /// Runs `pt` with the words of the process, which leads `ranks`; returns its
 /// exit status.
@@ -55,7 +56,7 @@ pub fn fail(error: Error) -> ExitCode {
     let (message, status) = match error {
         Error::Help(text) => match print(&text) {
             Ok(()) => return ExitCode::SUCCESS,
-            Err(message) => (message, 1),
+            Err(error) => (error.to_string(), 1),
         },
         Error::Usage(message) => (message, 2),
         Error::Failure(message) => (message, 1),
@@ -65,7 +66,7 @@ pub fn fail(error: Error) -> ExitCode {
 }
 
 /// Prints a text on standard output, on a terminal in colour.
-fn print(text: &StyledStr) -> Result<(), String> {
+fn print(text: &StyledStr) -> Result<()> {
     let plain = AutoStream::choice(&io::stdout()) == ColorChoice::Never;
     OutputTarget::standard_output()?.write(&mut |out| match plain {
         true => write!(out, "{text}"),
@@ -133,7 +134,7 @@ fn shown<'a>(options: &Options, plan: &'a Plan) -> Option<&'a Path> {
 }
 
 /// Checks the camera, if the plan has placed it.
-fn check(plan: &Plan) -> Result<(), String> {
+fn check(plan: &Plan) -> Result<()> {
     let up = plan.up.unwrap_or(glam::DVec3::Z);
     let placed = plan.camera().filter(|camera| camera.is_placed());
     placed.map_or(Ok(()), |camera| {
@@ -145,14 +146,15 @@ fn check(plan: &Plan) -> Result<(), String> {
 ///
 /// # Errors
 /// The system refuses them.
-pub fn start_threads(plan: &Plan) -> Result<(), String> {
+pub fn start_threads(plan: &Plan) -> Result<()> {
     let threads = plan.threads.unwrap_or(0) as usize;
     let pool = ThreadPoolBuilder::new().num_threads(threads);
-    pool.build_global().map_err(|e| format!("cannot start threads: {e}"))
+    pool.build_global()
+        .map_err(|e| format!("cannot start threads: {e}").into())
 }
 
 /// Prints what can be left out, and what the rest is made of.
-fn describe(plan: &Plan, world: &World, run: &Run) -> Result<Stop, String> {
+fn describe(plan: &Plan, world: &World, run: &Run) -> Result<Stop> {
     let analysis = &world.analysis;
     let mut lines = String::new();
     for Finding { name, applies, reason } in &analysis.findings {
@@ -189,7 +191,7 @@ fn render(
     files: Files,
     ranks: &dyn Ranks,
     watchdog: &Watchdog,
-) -> Result<Stop, String> {
+) -> Result<Stop> {
     let (mut film, mut convergence) = run.film(state)?;
     let directory = env::current_dir().unwrap_or_default();
     let (mut limits, report) = (run.limits(), run.report());
@@ -221,8 +223,8 @@ fn render(
     let mut after = |convergence: &Convergence, film: &Film| {
         shows.update(convergence);
         let written = output.write(convergence, film, Some(Instant::now()));
-        if let Err(message) = written {
-            bar.suspend(|| progress::warn(&message));
+        if let Err(error) = written {
+            bar.suspend(|| progress::warn(&error.to_string()));
         }
     };
     let advance = |n| bar.inc(n);
@@ -243,7 +245,7 @@ fn render(
         let doing = if learns { "learning" } else { "rendering" };
         let message = stop.without_image(doing);
         if stop == Stop::Time {
-            return Err(message);
+            return Err(message.into());
         }
         progress::error(&message);
         return Ok(stop);
@@ -292,7 +294,7 @@ fn finish(
     film: &Film,
     convergence: &Convergence,
     (host, shown): (Host, Option<&Path>),
-) -> Result<(), String> {
+) -> Result<()> {
     let only_learns = output.known.run_key.only_learns();
     if !only_learns {
         warn_of_receivers(&output, film, host);
@@ -328,5 +330,5 @@ fn warn_of_receivers(output: &RunOutput, film: &Film, host: Host) {
         host.warn("no light arrives: does a face close each opening?");
     }
     let is_meant = |why, number| why == INSIDE && dark.contains(&number);
-    warn_all(table, table.odd(all, is_meant), host);
+    host.warn_all(&table.file, table.odd(all, is_meant));
 }

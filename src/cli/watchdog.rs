@@ -15,6 +15,7 @@ use signal_hook::consts::{SIGXCPU, SIGXFSZ};
 use signal_hook::flag;
 
 use super::progress::{self, ProgressBar};
+use crate::error::Result;
 use crate::host::{Event, Interrupt};
 use crate::plan::Budget;
 use crate::render_loop::Stop;
@@ -24,8 +25,8 @@ use crate::render_loop::Stop;
 ///
 /// # Errors
 /// The system refuses.
-pub fn listen() -> Result<Interrupt, String> {
-    register().map_err(|e| format!("cannot listen for signals: {e}"))
+pub fn listen() -> Result<Interrupt> {
+    register().map_err(|e| format!("cannot listen for signals: {e}").into())
 }
 
 fn register() -> io::Result<Interrupt> {

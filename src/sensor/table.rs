@@ -10,6 +10,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::typed;
+use crate::error::{Diagnostic, Error, Result};
 use crate::film::{Film, NEIGHBOUR_WEIGHT};
 use crate::materials::FaceAlbedos;
 use crate::numerics::{cross, normalise};
@@ -33,17 +34,17 @@ impl TableFormat {
     ///
     /// # Errors
     /// The extension is another, or not for these receivers.
-    pub fn of(path: &Path, has_vertices: bool) -> Result<Self, String> {
+    pub fn of(path: &Path, has_vertices: bool) -> Result<Self> {
         match path.extension().and_then(|e| e.to_str()) {
             Some("csv") => Ok(Self::Csv),
             Some("ply") => Ok(Self::Ply),
             Some("obj") if has_vertices => Ok(Self::Obj),
             None if path.as_os_str() == "-" => Ok(Self::Csv),
-            _ => Err(format!(
-                "{}: receivers have no image: expected .csv or .ply, or \
-                 .obj, which shows values of --vertices",
-                path.display()
-            )),
+            _ => Err(Error::from(
+                "receivers have no image: expected .csv or .ply, or .obj, \
+                 which shows values of --vertices",
+            )
+            .of_file(path.display())),
         }
     }
 }
@@ -77,7 +78,7 @@ pub struct Table {
     pub backs: &'static [bool],
     /// The scene, in the coordinates of the file, unless there are points.
     pub mesh: Mesh,
-    /// The name of the file that has the receivers, before a message.
+    /// The name of the file that has the receivers.
     pub file: String,
     /// The albedo of each face, if it is radiosity that is asked for.
     pub albedos: Option<FaceAlbedos>,
@@ -116,12 +117,12 @@ impl Table {
     }
 
     /// How many of some receivers have no value, or a doubtful one, and why: a
-    /// line for each kind.
+    /// warning of each kind.
     pub fn odd(
         &self,
         receivers: &Receivers,
         is_told: impl Fn(Oddity, u32) -> bool,
-    ) -> Vec<String> {
+    ) -> Vec<Diagnostic> {
         let (all, name) = (receivers.asked, self.shape.name());
         let odd = receivers.odd.iter().filter(|(why, n)| is_told(*why, *n));
         let odd: Vec<_> = odd.copied().collect();
@@ -129,7 +130,10 @@ impl Table {
             let ((has_value, why), first) = kind[0];
             let value = if has_value { "a doubtful" } else { "no" };
             let (n, first) = (kind.len(), self.place(first as usize));
-            format!("{value} value for {n} of {all} {name}: {why}, the first {first}")
+            let text = format!(
+                "{value} value for {n} of {all} {name}: {why}, the first {first}"
+            );
+            Diagnostic::from(text).of_file(&self.file)
         });
         kinds.collect()
     }

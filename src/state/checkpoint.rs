@@ -12,6 +12,7 @@ use std::sync::{Arc, OnceLock};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::integrator::gather::Learnt;
 use crate::key::RunKey;
@@ -48,12 +49,13 @@ impl Known {
     ///
     /// # Errors
     /// It is; the first entry that differs is named.
-    pub fn belongs_to(&self, run_key: &RunKey) -> Result<(), String> {
+    pub fn belongs_to(&self, run_key: &RunKey) -> Result<()> {
         let differs = self.run_key.disagreement(run_key);
         differs.map_or(Ok(()), |(name, [theirs, ours])| {
-            Err(format!(
+            let fault = format!(
                 "belongs to another run: its {name} is {theirs}, not {ours}"
-            ))
+            );
+            Err(fault.into())
         })
     }
 }
@@ -98,7 +100,7 @@ impl Write for Checked<'_> {
 const CHECKSUM: u64 = 32;
 
 /// Reads through a checkpoint, and returns to the line of JSON.
-fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
+fn recognise(file: &mut (impl BufRead + Seek)) -> Result<()> {
     // Compare the first line
     let mut magic = vec![];
     let mut start = file.by_ref().take(MAGIC.len() as u64);
@@ -124,8 +126,8 @@ fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
     Ok(())
 }
 
-fn unreadable(error: io::Error) -> String {
-    format!("cannot read: {error}")
+fn unreadable(error: io::Error) -> Error {
+    format!("cannot read: {error}").into()
 }
 
 /// A checkpoint that is whole.
@@ -143,7 +145,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     ///
     /// # Errors
     /// The file is no checkpoint, or is damaged.
-    pub fn open(mut file: R) -> Result<Self, String> {
+    pub fn open(mut file: R) -> Result<Self> {
         recognise(&mut file)?;
         let mut line = vec![];
         file.read_until(b'\n', &mut line).map_err(unreadable)?;
@@ -164,9 +166,9 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         mut self,
         run_key: &RunKey,
         film: &mut Film,
-    ) -> Result<Convergence, String> {
+    ) -> Result<Convergence> {
         let name = self.name.clone();
-        let named = |fault| format!("{name}: {fault}");
+        let named = |fault: Error| fault.of_file(&name);
         self.known.belongs_to(run_key).map_err(named)?;
         self.fill(film).map_err(named)?;
         Ok(self.known.report.convergence)
@@ -176,7 +178,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn fill(&mut self, film: &mut Film) -> Result<(), String> {
+    pub fn fill(&mut self, film: &mut Film) -> Result<()> {
         let sums = self.sums.as_mut();
         sums.map_or(Ok(()), |sums| film.read(sums)).map_err(unreadable)
     }
@@ -187,14 +189,14 @@ impl Checkpoint {
     ///
     /// # Errors
     /// Those of [`Checkpoint::open`], or the file cannot be read.
-    pub fn of_file(path: &Path) -> Result<Self, String> {
+    pub fn of_file(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
         let opened = File::open(path)
             .map_err(unreadable)
             .and_then(|file| Self::open(BufReader::new(file)));
         match opened {
             Ok(state) => Ok(Self { name, ..state }),
-            Err(fault) => Err(format!("{name}: {fault}")),
+            Err(fault) => Err(fault.of_file(name)),
         }
     }
 }

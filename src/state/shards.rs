@@ -7,6 +7,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::error::Result;
 use crate::film::{Film, Window};
 use crate::image::extension;
 use crate::key::Part;
@@ -60,7 +61,7 @@ pub struct Merged {
 /// # Errors
 /// A file is no state, or is damaged; two of them are not of one run, have
 /// not learnt the same, or hold the same samples.
-pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
+pub fn merge(files: &[PathBuf]) -> Result<Merged> {
     let mut sum: Option<Merged> = None;
     let mut held: Vec<(&Path, [Held; 2])> = vec![];
     let mut total = Convergence::default();
@@ -80,13 +81,15 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         if let Some((what, [a, b])) = differs {
             return Err(format!(
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
-            ));
+            )
+            .into());
         }
         let both = (merged.known.learnt.get(), learnt.get());
         if matches!(both, (Some(ours), Some(own)) if ours != own) {
             return Err(format!(
                 "{first} and {name} have not learnt the same"
-            ));
+            )
+            .into());
         }
         if both.0.is_none() {
             merged.known.learnt = learnt;
@@ -99,12 +102,14 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         for (other, [theirs, _]) in &held {
             if let Some(both) = theirs.common(&whole) {
                 let other = other.display();
-                return Err(format!("{other} and {name} both hold {both}"));
+                return Err(
+                    format!("{other} and {name} both hold {both}").into()
+                );
             }
         }
         // Take the sums and the costs of a state
         let filled = state.fill(&mut film);
-        filled.map_err(|fault| format!("{name}: {fault}"))?;
+        filled.map_err(|fault| fault.of_file(name))?;
         merged.film.merge(&film);
         total.rays += report.convergence.rays;
         total.seconds += report.convergence.seconds;

@@ -37,6 +37,7 @@ use litpt::cli::options::{Error, Options, ViewOptions, parse_words};
 use litpt::cli::run::{fail, start_threads};
 use litpt::cli::{progress, watchdog};
 use litpt::compare::display::auto_stops;
+use litpt::error::Result;
 use litpt::film::{Film, NEIGHBOUR_WEIGHT, Watch};
 use litpt::filter::{Filtered, FirstHits, surface_means};
 use litpt::host::{Event, Host, Interrupt};
@@ -239,19 +240,19 @@ impl Viewer {
     }
 
     /// The plan of a view with these settings.
-    fn plan(&self, settings: &Settings) -> Result<Plan, String> {
+    fn plan(&self, settings: &Settings) -> Result<Plan> {
         let options = Options::parse(self.words(settings));
         options.and_then(|it| it.plan(None, false)).map_err(|error| {
             match error {
-                Error::Usage(fault) | Error::Failure(fault) => fault,
-                Error::Help(_) => "help is not a view".to_owned(),
+                Error::Usage(fault) | Error::Failure(fault) => fault.into(),
+                Error::Help(_) => "help is not a view".into(),
             }
         })
     }
 }
 
 /// Reads a scene, to be shown in several ways.
-fn open(plan: Plan) -> Result<(Mesh, World), String> {
+fn open(plan: Plan) -> Result<(Mesh, World)> {
     let budget = Budget::samples(64);
     let mut plan = Plan { budget, ..plan };
     let listen = |event: Event| match event {
@@ -393,7 +394,7 @@ impl Viewer {
                 }
             }
             if let Err(fault) = shown {
-                self.tell(json!({ "fault": fault }));
+                self.tell(json!({ "fault": fault.to_string() }));
             }
         }
     }
@@ -405,7 +406,7 @@ impl Viewer {
         mut settings: Settings,
         reads: bool,
         guess: &mut Guess,
-    ) -> Result<(), String> {
+    ) -> Result<()> {
         let mut plan = self.plan(&settings)?;
         // Have the scene shown in this view
         let read = reads.then(|| open(plan.clone())).transpose()?;
