@@ -194,14 +194,6 @@ impl Lexer<'_> {
         self.kind == Kind::Docs && self.definitions.is_some()
     }
 
-    fn place_at(&self, at: usize) -> Place {
-        Place { column: at as u32 + 1, ..self.place }
-    }
-
-    fn emit(&mut self, token: Token, at: usize) {
-        self.lexemes.push((token, self.place_at(at)));
-    }
-
     fn begin(&mut self, kind: Kind) {
         self.close_quote();
         self.emit(Token::End(self.kind), 0);
@@ -308,6 +300,14 @@ impl Lexer<'_> {
             }
             Err(length) => self.at += length + 2,
         }
+    }
+
+    fn place_at(&self, at: usize) -> Place {
+        Place { column: at as u32 + 1, ..self.place }
+    }
+
+    fn emit(&mut self, token: Token, at: usize) {
+        self.lexemes.push((token, self.place_at(at)));
     }
 
     /// Passes an escape of so many bytes, of which the first is dropped.

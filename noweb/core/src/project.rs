@@ -321,7 +321,7 @@ impl Project {
 
     fn write(&self, plan: &mut Plan) -> Result<(), Faults> {
         for (path, tangled) in &plan.program.files {
-            self.write_file(path, tangled)?;
+            self.write_one(path, tangled)?;
             plan.record.retain(|(other, _)| other != path);
             plan.record.insert((path.clone(), hash(&tangled.text)));
         }
@@ -337,15 +337,11 @@ impl Project {
         Ok(())
     }
 
-    fn write_file(
-        &self,
-        path: &Path,
-        made: &Tangled,
-    ) -> Result<(), Faults> {
+    fn write_one(&self, path: &Path, to: &Tangled) -> Result<(), Faults> {
         let file = self.dir.join(path);
         let parent = file.parent().unwrap_or(&self.dir);
         fs::create_dir_all(parent)
-            .and_then(|()| replace(&file, &made.text, self.newest(made)))
+            .and_then(|()| replace(&file, &to.text, self.newest(to)))
             .map_err(|e| failure("write", path, e))
     }
 
