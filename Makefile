@@ -86,7 +86,7 @@ help:
 	@echo 'make parts   what each part of a gather is worth, half an hour'
 	@echo 'make places  values of places, three minutes'
 	@echo 'make rates   images a second of ptview, a minute (needs chromium)'
-	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'
+	@echo 'make fuzz    random scenes and cameras, a minute'
 	@echo 'make clean   remove what was built'
 
 # ---- the program

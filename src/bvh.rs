@@ -29,12 +29,12 @@ pub use spawn::{is_within, lifted, too_small};
 pub use triangle::NONE;
 
 use std::cell::RefCell;
-use std::{fmt, io};
+use std::fmt;
 
-use clap::ValueEnum;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Error, Result};
 use crate::numerics::cross;
 use crate::scene::{Ray, Scene, Triangle, Triangles};
 #[cfg(target_arch = "x86_64")]
@@ -44,7 +44,8 @@ use traverser::Traverser;
 use triangle::Leaf;
 
 /// Sets of instructions with which a hierarchy can be traversed.
-#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Isa {
     /// Sixteen boxes at a time.
     Avx512,
@@ -112,7 +113,7 @@ impl Bvh {
     ///
     /// # Errors
     /// Too little memory, or too many triangles; 2^26 always fit.
-    pub fn new(scene: &Scene) -> io::Result<Self> {
+    pub fn new(scene: &Scene) -> Result<Self> {
         Self::with(scene, Quality::THOROUGH, Isa::best())
     }
 
@@ -122,11 +123,7 @@ impl Bvh {
     /// # Errors
     /// Instructions that this processor lacks, too little memory, or too
     /// many triangles; 2^26 always fit.
-    pub fn with(
-        scene: &Scene,
-        quality: Quality,
-        isa: Isa,
-    ) -> io::Result<Self> {
+    pub fn with(scene: &Scene, quality: Quality, isa: Isa) -> Result<Self> {
         Self::of(scene.triangles.clone(), quality, isa, &|_| ())
     }
 
@@ -141,11 +138,12 @@ impl Bvh {
         quality: Quality,
         isa: Isa,
         placed: &dyn Fn(usize),
-    ) -> io::Result<Self> {
+    ) -> Result<Self> {
         // Build for one set of instructions
         if !isa.is_available() {
             let lacks = "this processor lacks the instructions";
-            return Err(io::Error::other(format!("{lacks} {isa}")));
+            let fault = format!("{lacks} {isa}");
+            return Err(Error::value("isa", isa, fault));
         }
         let input = (triangles, quality, placed);
         // SAFETY: the processor has the instructions.

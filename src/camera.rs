@@ -9,10 +9,10 @@
 
 use std::array;
 
-use clap::ValueEnum;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Error, Result};
 use crate::numerics::{bounds, cross, normalise, power_of_two};
 use crate::sky::Sky;
 
@@ -45,21 +45,23 @@ impl Camera {
     /// # Errors
     /// A vector that is not finite, a target at the position, an up axis
     /// along the view, a field of view out of range.
-    pub fn new(view: &View, aspect: f64) -> Result<Self, String> {
+    pub fn new(view: &View, aspect: f64) -> Result<Self> {
         let &View { position, target, up, fov } = view;
         if !(fov > 0. && fov < 180.) {
-            return Err(format!(
+            let fault = format!(
                 "the field of view {fov} is not strictly between 0 and \
                  180 degrees (-F)"
-            ));
+            );
+            return Err(Error::value("fov", fov, fault));
         }
         // Refuse what is not finite
         let mut vectors = [position, target, up].into_iter();
         if let Some(vector) = vectors.find(|v| !v.is_finite()) {
-            return Err(format!(
-                "the camera's vector {} is not finite (-p, -t, -u)",
-                typed(vector)
-            ));
+            let vector = typed(vector);
+            let fault = format!(
+                "the camera's vector {vector} is not finite (-p, -t, -u)"
+            );
+            return Err(Error::value("view", vector, fault));
         }
         // Find the directions ahead and right
         let view = match target - position {
@@ -67,11 +69,12 @@ impl Camera {
             _ => 0.5 * target - 0.5 * position,
         };
         if view == DVec3::ZERO {
-            return Err(format!(
-                "the camera's target is its own position {}; move \
-                 one of them (-p, -t)",
-                typed(target)
-            ));
+            let target = typed(target);
+            let fault = format!(
+                "the camera's target is its own position {target}; move \
+                 one of them (-p, -t)"
+            );
+            return Err(Error::value("target", target, fault));
         }
         let ahead = normalise(view);
         let right = normalise(cross(ahead, normalise(up)));
@@ -79,7 +82,7 @@ impl Camera {
             let across = |axis: &DVec3| axis.dot(ahead).abs();
             let mut axes = [DVec3::Y, DVec3::Z, DVec3::X];
             axes.sort_by(|a, b| across(a).total_cmp(&across(b)));
-            return Err(format!(
+            let fault = format!(
                 "the camera's up axis {} is zero or parallel to the \
                  view {}; choose another one, and say where the sky is: \
                  --zenith {} -u {}",
@@ -87,7 +90,8 @@ impl Camera {
                 typed(view),
                 direction(Sky::new(up).zenith),
                 typed(axes[0])
-            ));
+            );
+            return Err(Error::value("up", typed(up), fault));
         }
         // Scale the axes to the image
         let tangent = libm::tan(0.5 * fov.to_radians());
@@ -142,7 +146,8 @@ pub fn direction(v: DVec3) -> String {
 const FARTHEST: f64 = power_of_two(200);
 
 /// A side from which a scene can be seen.
-#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Viewpoint {
     /// Where y is negative, if z points up; where z is positive, if y does.

@@ -15,6 +15,7 @@ use std::f64::consts::SQRT_2;
 
 use statrs::function::beta::beta_reg;
 
+use crate::error::Result;
 use crate::film::SIDE;
 use crate::image::Image;
 
@@ -285,7 +286,7 @@ pub fn disagreements(
 /// What distinguishes one image from another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// Whether neither image says its errors, and all pixels have the
+    /// Whether neither image has error estimates, and all pixels have the
     /// same values.
     pub identical: bool,
     /// Root of the mean square difference.
@@ -320,13 +321,14 @@ impl Difference {
 /// # Errors
 /// They differ in size, or no pixel has a known error; but images that
 /// do not say their errors may be identical.
-pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
+pub fn compare(a: &Image, b: &Image) -> Result<Difference> {
     // Refuse two sizes
     if (a.width, a.height) != (b.width, b.height) {
         return Err(format!(
             "one has {}x{} pixels, the other {}x{}",
             a.width, a.height, b.width, b.height
-        ));
+        )
+        .into());
     }
     // Collect the gaps of all pixels
     let corner = if a.tile_errors.is_some() { a } else { b }.corner();
@@ -343,10 +345,10 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
     let identical = silent && a.means.iter().zip(&b.means).all(same);
     if silent && !identical {
-        return Err("neither image says its errors".to_owned());
+        return Err("neither image has error estimates".into());
     }
     if sum.pixels == 0 && !identical {
-        return Err("the errors of all pixels are unknown".to_owned());
+        return Err("the errors of all pixels are unknown".into());
     }
     // Test each scale against the next
     let claims = a.errors.is_some() && b.errors.is_some();

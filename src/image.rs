@@ -15,18 +15,17 @@ mod pnm;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Error, Result};
 use crate::scene::encoding::shortened;
 
 pub use data::{BANDS, FILTERED, Image, Note, OPACITY, Picture, Source};
 pub use levels::luminance;
 
 /// How an image becomes bytes.
-#[derive(
-    ValueEnum, Serialize, Deserialize, Clone, Copy, Debug, PartialEq, Eq,
-)]
+#[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Format {
     /// Plain portable greymap of 256 levels
     Pgm,
@@ -57,14 +56,17 @@ impl Format {
     ///
     /// # Errors
     /// The extension belongs to no format.
-    pub fn of(path: &Path) -> Result<Self, String> {
-        let Some(name) = extension(path) else { return Ok(Format::Pgm) };
-        Self::from_str(&name, false).map_err(|_| {
-            format!(
-                "{}: unknown kind of image; name it .pgm, .png, .pfm or .exr",
-                path.display()
+    pub fn of(path: &Path) -> Result<Self> {
+        match extension(path).as_deref() {
+            None | Some("pgm") => Ok(Self::Pgm),
+            Some("png") => Ok(Self::Png),
+            Some("pfm") => Ok(Self::Pfm),
+            Some("exr") => Ok(Self::Exr),
+            Some(_) => Err(Error::from(
+                "unknown kind of image; name it .pgm, .png, .pfm or .exr",
             )
-        })
+            .of_file(path.display())),
+        }
     }
 }
 
@@ -79,7 +81,7 @@ impl Image {
     ///
     /// # Errors
     /// Those of [`Image::read_noting`].
-    pub fn read(path: &Path) -> Result<Self, String> {
+    pub fn read(path: &Path) -> Result<Self> {
         Self::read_noting(path, &mut |_| ())
     }
 
@@ -89,7 +91,7 @@ impl Image {
     /// # Errors
     /// The file cannot be read, and those of [`Image::decode`]; the
     /// message names the file and the fault.
-    pub fn read_noting(path: &Path, note: Note) -> Result<Self, String> {
+    pub fn read_noting(path: &Path, note: Note) -> Result<Self> {
         let (name, bytes) = if path.as_os_str() == "-" {
             let mut bytes = vec![];
             let read = io::stdin().read_to_end(&mut bytes);
@@ -97,10 +99,11 @@ impl Image {
         } else {
             (path.display().to_string(), std::fs::read(path))
         };
-        let bytes: Vec<u8> = bytes
-            .map_err(|error| format!("{name}: cannot read: {error}"))?;
-        Self::decode(&bytes, &mut |text| note(&format!("{name}: {text}")))
-            .map_err(|fault| format!("{name}: {}", shortened(&fault)))
+        let bytes: Vec<u8> = bytes.map_err(Error::cannot("read", &name))?;
+        let note = &mut |text: &str| note(&format!("{name}: {text}"));
+        Self::decode(&bytes, note).map_err(|fault| {
+            Error::from(shortened(&fault.to_string())).of_file(&name)
+        })
     }
 
     /// Reads an image from the bytes of its file; `note` is told of what is
@@ -108,17 +111,17 @@ impl Image {
     ///
     /// # Errors
     /// The bytes are damaged, or of another kind of file.
-    pub fn decode(bytes: &[u8], note: Note) -> Result<Self, String> {
+    pub fn decode(bytes: &[u8], note: Note) -> Result<Self> {
         let image = match bytes.get(..2) {
             Some([0x76, 0x2f]) => exr::read(bytes, note),
             Some(b"Pf" | b"PF" | b"P2" | b"P5") => pnm::read(bytes, note),
             Some(b"\x89P") => png::read(bytes, note),
-            _ => Err("it is neither EXR, PFM, PNG nor PGM".to_owned()),
+            _ => Err("it is neither EXR, PFM, PNG nor PGM".into()),
         };
-        image?.sifted(note)
+        image?.validated(note)
     }
 
-    fn sifted(mut self, note: Note) -> Result<Self, String> {
+    fn validated(mut self, note: Note) -> Result<Self> {
         let (width, pixels) = (self.width as usize, self.means.len());
         let place = |i: usize| format!("{},{}", i % width, i / width);
         // List what is known, and what stands for the unknown
@@ -135,7 +138,8 @@ impl Image {
                 let pixel = place(i);
                 return Err(format!(
                     "the standard error or count of the pixel {pixel} is {value}"
-                ));
+                )
+                .into());
             }
             let is_known = |(list, unknown): &(&mut Vec<f64>, f64)| {
                 list[i].is_finite() || list[i] == *unknown

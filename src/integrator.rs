@@ -14,6 +14,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Hit;
+use crate::error::Result;
 use crate::film::{Film, Watch};
 use crate::materials::Surfaces;
 use crate::sampler::{Sampler, cosine_direction, dimension};
@@ -118,6 +119,14 @@ pub trait Communicator: Sync {
         _watch: &Watch,
     ) -> Cow<'a, [u8]> {
         bytes.into()
+    }
+
+    /// What the first process has, for all. All call it alike.
+    ///
+    /// # Errors
+    /// The first process has ended.
+    fn broadcast(&self, own: Vec<u8>) -> Result<Vec<u8>> {
+        Ok(own)
     }
 }
 

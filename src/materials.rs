@@ -9,10 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::{Bvh, GROUND};
+use crate::error::{Diagnostic, Error, Result};
 use crate::scene::encoding::quoted;
 use crate::scene::mtl::{Library, read_mtl};
 use crate::scene::{Mark, MarkKind};
@@ -38,9 +38,8 @@ fn files(line: &str, folder: &Path) -> Vec<String> {
 }
 
 /// What is taken of the three numbers of a material.
-#[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Serialize, Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Band {
     /// The first.
@@ -60,7 +59,7 @@ pub fn libraries(
     marks: &[Mark],
     (scene, folder): (&str, &Path),
     band: Option<Band>,
-) -> Result<(BTreeMap<String, f64>, Vec<String>), String> {
+) -> Result<(BTreeMap<String, f64>, Vec<Diagnostic>)> {
     let used: BTreeSet<_> = names(marks, MarkKind::Material).collect();
     let named = marks.iter().filter(|m| m.kind == MarkKind::Library);
     let files = named.flat_map(|mark| files(&mark.name, folder));
@@ -69,27 +68,30 @@ pub fn libraries(
         // Read one library
         let shown = folder.join(quoted(&name)).display().to_string();
         let path = folder.join(name);
-        if path.exists() && !path.is_file() {
-            return Err(format!("{shown}: not a file"));
-        }
         let instead = "without --materials, -r is the albedo of all";
-        fs::read(path)
-            .map_err(|error| format!(": {error}; {instead}"))
+        let bytes = match path.exists() && !path.is_file() {
+            true => Err("not a file".to_owned()),
+            false => fs::read(path).map_err(|e| format!("{e}; {instead}")),
+        };
+        bytes
+            .map_err(Error::from)
             .and_then(|bytes| read_mtl(&bytes, &shown, &used, &mut all))
-            .map_err(|error| shown + &error)?;
+            .map_err(|error| error.of_file(&shown))?;
     }
     // Warn of what the libraries say, or do not say
     let mut warnings = all.warnings;
-    for (first, n) in all.told.values() {
-        warnings.push(format!("{first}: the first of {n} statements"));
+    for (mut first, n) in all.ignored.into_values() {
+        first.text += &format!(": the first of {n} statements");
+        warnings.push(first);
     }
     let is_unknown = |name: &&&str| !all.diffuse.contains_key(**name);
     if let Some(name) = used.iter().find(is_unknown) {
         let (name, n) = (quoted(name), used.len() - all.diffuse.len());
-        warnings.push(format!(
-            "{scene}: no library has a Kd r g b of material {name}, which is \
-             given the albedo of -r or --albedo: the first of {n} materials"
-        ));
+        let what = format!(
+            "no library has a Kd r g b of material {name}, which is given \
+             the albedo of -r or --albedo: the first of {n} materials"
+        );
+        warnings.push(Diagnostic::from(what).of_file(scene));
     }
     // Take one number of each material
     let albedo = |[r, g, b]: [f64; 3]| match band {
@@ -136,11 +138,7 @@ impl FaceAlbedos {
     ///
     /// # Errors
     /// A name that was given an albedo is not in the file.
-    pub fn new(
-        marks: &[Mark],
-        named: &Named,
-        others: f64,
-    ) -> Result<Self, String> {
+    pub fn new(marks: &[Mark], named: &Named, others: f64) -> Result<Self> {
         let mut is_used = vec![false; named.named_albedos.len()];
         let mut current: [&str; 3] = [""; 3];
         let mut stretches = vec![(0, others)];
@@ -175,11 +173,12 @@ impl FaceAlbedos {
                 kinds.into_iter().flat_map(|kind| names(marks, kind));
             let known: Vec<_> = known.take(8).map(quoted).collect();
             let name = quoted(name);
+            let known = known.join(", ");
             return Err(format!(
-                ": no material, group or object is called {name} (--albedo \
-                 {name}={albedo}); there are: {}",
-                known.join(", ")
-            ));
+                "no material, group or object is called {name} (--albedo \
+                 {name}={albedo}); there are: {known}"
+            )
+            .into());
         }
         Ok(Self { stretches })
     }
@@ -208,7 +207,7 @@ impl AlbedoTable {
     ///
     /// # Errors
     /// There are more than 65 536 albedos.
-    pub fn new(faces: &FaceAlbedos, bvh: &Bvh) -> Result<Self, String> {
+    pub fn new(faces: &FaceAlbedos, bvh: &Bvh) -> Result<Self> {
         let (_, first) = faces.stretches[0];
         let is_first = |&(_, albedo): &(u32, f64)| albedo == first;
         if faces.stretches.iter().all(is_first) {
@@ -232,7 +231,7 @@ impl AlbedoTable {
             (sum, all) = (sum + albedo * area, all + area);
         });
         if table.albedos.len() > 1 + usize::from(u16::MAX) {
-            return Err("more than 65536 different albedos".to_owned());
+            return Err("more than 65536 different albedos".into());
         }
         table.mean = sum / all;
         Ok(table)

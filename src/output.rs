@@ -4,16 +4,17 @@
 //! Targets of files: checked before the work, and written such that
 //! nothing is lost.
 
+use std::env;
 use std::fs::{File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::mem::ManuallyDrop;
 use std::os::fd::{AsRawFd, FromRawFd, RawFd};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::{env, fmt};
 
 use tempfile::NamedTempFile;
 
+use crate::error::{Error, Result};
 use crate::image::Format;
 
 /// Where a file goes: checked, and not yet touched.
@@ -40,10 +41,12 @@ fn name(number: RawFd) -> String {
 
 /// Called when the program is loaded.
 #[used]
+#[cfg(feature = "cli")]
 #[cfg_attr(target_os = "linux", unsafe(link_section = ".init_array"))]
 static BEFORE_MAIN: extern "C" fn() = keep_the_place;
 
 /// Keeps the place of a standard output that is closed.
+#[cfg(feature = "cli")]
 extern "C" fn keep_the_place() {
     // SAFETY: the calls take numbers and a constant text.
     let closed = || unsafe { libc::fcntl(1, libc::F_GETFD) } < 0;
@@ -57,26 +60,28 @@ pub fn descriptor(path: &Path) -> Option<RawFd> {
     if path.as_os_str() == "-" {
         return Some(1);
     }
-    let all = Path::new("/dev/fd").canonicalize().ok()?;
+    let descriptors = Path::new("/dev/fd").canonicalize().ok()?;
     // Of links in a circle there is no metadata.
     path.metadata().ok()?;
     let mut path = path.to_owned();
-    while directory(&path).canonicalize().ok()? != all {
+    while directory(&path).canonicalize().ok()? != descriptors {
         path = directory(&path).join(path.read_link().ok()?);
     }
     path.file_name()?.to_str()?.parse().ok()
 }
 
 /// A temporary file in the directory of `path`.
-fn temporary(path: &Path) -> Result<NamedTempFile, String> {
+fn temporary(path: &Path) -> Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     // Let the user's mask decide the mode
     builder.permissions(Permissions::from_mode(0o666));
-    builder.prefix(".pt-").tempfile_in(directory(path)).map_err(|e| {
-        let (name, error) = (path.display(), e.to_string());
-        let cause = error.split(" at path").next().unwrap_or_default();
-        format!("{name}: cannot create a file there: {cause}")
+    let file = builder.prefix(".pt-").tempfile_in(directory(path));
+    file.map_err(|e| {
+        let text = e.to_string();
+        let cause = text.split(" at path").next().unwrap_or_default();
+        io::Error::new(e.kind(), cause)
     })
+    .map_err(Error::cannot("create a file there", path.display()))
 }
 
 /// The directory in which a file has its name.
@@ -88,9 +93,9 @@ fn directory(path: &Path) -> &Path {
 }
 
 /// A descriptor that is waited for.
-struct Patient(ManuallyDrop<File>);
+struct BlockingWriter(ManuallyDrop<File>);
 
-impl Write for Patient {
+impl Write for BlockingWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let (fd, events) = (self.0.as_raw_fd(), libc::POLLOUT);
         let mut room = libc::pollfd { fd, events, revents: 0 };
@@ -115,10 +120,10 @@ fn finish(
     file: NamedTempFile,
     path: &Path,
     content: &mut Content,
-) -> Result<NamedTempFile, String> {
+) -> Result<NamedTempFile> {
     fill(content, file.as_file())
         .and_then(|file| file.sync_all())
-        .map_err(|e| failure(path.display(), e))?;
+        .map_err(Error::cannot("write", path.display()))?;
     Ok(file)
 }
 
@@ -131,12 +136,9 @@ fn fill<W: Write>(content: &mut Content, out: W) -> io::Result<W> {
     buffer.into_inner().map_err(|error| error.into_error())
 }
 
-fn exists(path: &Path) -> String {
-    format!("{}: the file exists; overwrite it with -f", path.display())
-}
-
-fn failure(name: impl fmt::Display, error: io::Error) -> String {
-    format!("{name}: cannot write: {error}")
+fn exists(path: &Path) -> Error {
+    let what = "the file exists; overwrite it with -f";
+    Error::from(what).of_file(path.display())
 }
 
 /// Gives a complete file its name, or returns it with the reason why
@@ -145,7 +147,7 @@ fn name_file(
     file: NamedTempFile,
     path: &Path,
     force: bool,
-) -> Result<(), (NamedTempFile, String)> {
+) -> Result<(), (NamedTempFile, Error)> {
     // Keep the mode of a file that is replaced
     if let Ok(there) = path.metadata() {
         let _ = file.as_file().set_permissions(there.permissions());
@@ -161,16 +163,16 @@ fn name_file(
     }
     named.map(drop).map_err(|e| match e.error.kind() {
         ErrorKind::AlreadyExists => (e.file, exists(path)),
-        _ => (e.file, failure(path.display(), e.error)),
+        _ => (e.file, Error::cannot("write", path.display())(e.error)),
     })
 }
 
 /// Keeps a complete file that could not be named; returns its place.
 fn keep(file: NamedTempFile, path: &Path) -> PathBuf {
     let hidden = file.path().to_owned();
-    let [own, wanted] = [&hidden, path]
+    let [random, wanted] = [&hidden, path]
         .map(|path| path.file_name().unwrap_or_default().display());
-    let name = format!("{own}-{wanted}").replacen(".pt", "kept", 1);
+    let name = format!("{random}-{wanted}").replacen(".pt", "kept", 1);
     let clear = hidden.with_file_name(name);
     match file.persist_noclobber(&clear) {
         Ok(_) => clear,
@@ -183,7 +185,7 @@ impl OutputTarget {
     ///
     /// # Errors
     /// It is closed, or open for reading only.
-    pub fn standard_output() -> Result<Self, String> {
+    pub fn standard_output() -> Result<Self> {
         Self::file(Path::new("-"), false)
     }
 
@@ -193,7 +195,7 @@ impl OutputTarget {
     /// # Errors
     /// The file exists and `force` is not set, or nothing can be created in
     /// its directory; or those of [`OutputTarget::standard_output`].
-    pub fn file(path: &Path, force: bool) -> Result<Self, String> {
+    pub fn file(path: &Path, force: bool) -> Result<Self> {
         if let Some(number) = descriptor(path) {
             // SAFETY: the call asks for flags, and fails if nothing is open.
             let flags = unsafe { libc::fcntl(number, libc::F_GETFL) };
@@ -201,23 +203,27 @@ impl OutputTarget {
                 libc::O_WRONLY | libc::O_RDWR => {
                     Ok(Self(Kind::Open(number)))
                 }
-                _ => Err(format!("{}: not open for writing", name(number))),
+                _ => {
+                    let fault = Error::from("not open for writing");
+                    Err(fault.of_file(name(number)))
+                }
             };
         }
         // Refuse names that cannot be written
         let name = path.display();
         match path.metadata() {
             Ok(there) if there.is_dir() => {
-                return Err(format!("{name}: is a directory"));
+                return Err(Error::from("is a directory").of_file(name));
             }
             Ok(there) if there.is_file() && !force => {
                 return Err(exists(path));
             }
             Err(_) if path.is_symlink() => {
-                return Err(format!("{name}: is a link to nothing"));
+                let fault = Error::from("dangling symbolic link");
+                return Err(fault.of_file(name));
             }
             Err(e) if e.kind() != ErrorKind::NotFound => {
-                return Err(failure(name, e));
+                return Err(Error::cannot("write", name)(e));
             }
             _ => (),
         }
@@ -237,40 +243,45 @@ impl OutputTarget {
     /// The content cannot be written whole, or the file has come to exist.
     /// A file that was there before is then as it was, and what was
     /// finished is kept where the message says.
-    pub fn write(&self, content: &mut Content) -> Result<(), String> {
+    pub fn write(&self, content: &mut Content) -> Result<()> {
         match &self.0 {
             Kind::Open(number) => {
                 // Write to an open descriptor
                 // SAFETY: nobody closes it, and this handle does not either.
                 let file = unsafe { File::from_raw_fd(*number) };
-                let out = Patient(ManuallyDrop::new(file));
+                let out = BlockingWriter(ManuallyDrop::new(file));
                 match fill(content, out).map(drop) {
                     Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
-                    done => done.map_err(|e| failure(name(*number), e)),
+                    done => {
+                        done.map_err(Error::cannot("write", name(*number)))
+                    }
                 }
             }
             Kind::Device(path) => {
                 let device = OpenOptions::new().write(true).open(path);
                 let done = device.and_then(|device| fill(content, device));
-                done.map(drop).map_err(|e| failure(path.display(), e))
+                done.map(drop)
+                    .map_err(Error::cannot("write", path.display()))
             }
             Kind::File { path, force } => {
                 // Write a file and keep it in any case
-                let beside = temporary(path);
-                let fault = beside.as_ref().err().cloned();
                 let name = path.file_name().unwrap_or_default();
-                let elsewhere = || temporary(&env::temp_dir().join(name));
-                let file = beside
-                    .or_else(|fault| elsewhere().map_err(|_| fault))?;
+                let elsewhere = env::temp_dir().join(name);
+                let (file, fault) = match temporary(path) {
+                    Ok(file) => (file, None),
+                    Err(fault) => match temporary(&elsewhere) {
+                        Ok(file) => (file, Some(fault)),
+                        Err(_) => return Err(fault),
+                    },
+                };
                 let file = finish(file, path, content)?;
                 let named = match fault {
                     None => name_file(file, path, *force),
                     Some(fault) => Err((file, fault)),
                 };
-                named.map_err(|(file, fault)| {
-                    let kept = keep(file, path);
-                    let kept = kept.display();
-                    format!("{fault}; the new one is kept as {kept}")
+                named.map_err(|(file, cause)| {
+                    let (cause, kept) = (cause.into(), keep(file, path));
+                    Error::Kept { cause, kept }
                 })
             }
         }
@@ -283,7 +294,7 @@ impl OutputTarget {
     /// # Errors
     /// The content cannot be written whole, or the file has come to exist.
     /// A file that was there before is then as it was.
-    pub fn rewrite(&mut self, content: &mut Content) -> Result<(), String> {
+    pub fn rewrite(&mut self, content: &mut Content) -> Result<()> {
         if let Kind::File { path, force } = &mut self.0 {
             let file = finish(temporary(path)?, path, content)?;
             name_file(file, path, *force).map_err(|(_, fault)| fault)?;
@@ -298,16 +309,18 @@ impl OutputTarget {
 ///
 /// # Errors
 /// The extension is unknown.
-pub fn format_of(path: &Path, usual: Format) -> Result<Format, String> {
+pub fn format_of(path: &Path, usual: Format) -> Result<Format> {
     if descriptor(path).is_some() { Ok(usual) } else { Format::of(path) }
 }
 
+/// Refuses names that stand for one file, if it is to be written.
+///
 /// # Errors
-/// Two names stand for one file, and it is to be written.
-pub fn tell_apart<'a>(
+/// There are two such names.
+pub fn refuse_aliases<'a>(
     read: impl Iterator<Item = &'a Path>,
     written: impl Iterator<Item = &'a Path>,
-) -> Result<(), String> {
+) -> Result<()> {
     // Find the one true name of a file
     let place = |path: &Path| {
         let new = || {
@@ -315,17 +328,18 @@ pub fn tell_apart<'a>(
             Some(directory.join(path.file_name()?))
         };
         let open = descriptor(path).map(|n| n.to_string().into());
-        let known = open.or_else(|| path.canonicalize().ok());
-        known.or_else(new).unwrap_or_else(|| path.to_owned())
+        let place = open.or_else(|| path.canonicalize().ok());
+        place.or_else(new).unwrap_or_else(|| path.to_owned())
     };
     let read = read.filter(|path| path.as_os_str() != "-");
     let mut taken: Vec<_> = read.map(place).collect();
     for path in written {
-        let (name, place) = (path.display(), place(path));
+        let place = place(path);
         if taken.contains(&place) {
             return Err(match descriptor(path) {
-                Some(1) => "standard output is named twice".to_owned(),
-                _ => format!("{name}: this file is named twice"),
+                Some(1) => "standard output is named twice".into(),
+                _ => Error::from("this file is named twice")
+                    .of_file(path.display()),
             });
         }
         taken.push(place);

@@ -4,18 +4,14 @@
 //! The render loop: passes over the film until a limit is
 //! reached, and the curve of error against time.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-use std::{io, mem, ptr};
-
-use serde::{Deserialize, Serialize};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
-use signal_hook::consts::{SIGXCPU, SIGXFSZ};
-use signal_hook::flag;
 
 use crate::film::{ErrorNorm, Film, Summary};
+use crate::host::Interrupt;
+use crate::render::choose::{MIN_PATHS, samples_to_error};
 use crate::render::{Renderer, Share};
+use serde::{Deserialize, Serialize};
 
 /// When a run stops, and what it is compared with.
 #[derive(Clone, Copy, Default)]
@@ -78,7 +74,7 @@ impl Stop {
             Stop::Signal(signal) => {
                 format!("no image: signal {signal} came while {doing}")
             }
-            _ => format!("no image: --time was over while {doing}"),
+            _ => format!("no image: --time ran out while {doing}"),
         }
     }
 }
@@ -163,9 +159,6 @@ fn true_error(film: &Film, truth: &[f64]) -> f64 {
     let squares: f64 = differences.map(|d| d * d).sum();
     (squares / film.area() as f64).sqrt()
 }
-
-/// The number of paths before which no error is believed.
-const MIN_PATHS: f64 = 1000.;
 
 impl Convergence {
     /// Goes on with a run until a limit is reached. Calls `advance`, from
@@ -270,17 +263,9 @@ impl Convergence {
 
     /// The samples after which the error is expected to be reached.
     fn needed(&self, error: f64, area: u64) -> u64 {
-        let least = (MIN_PATHS / area as f64).ceil().max(2.);
-        let last = self.last();
-        let Some(rmse) = last.judged(self.measure) else {
-            let open = self.spp < least as u64;
-            return if open { least as u64 } else { u64::MAX };
-        };
-        // A square that vanishes would make the quotient 0 / 0.
-        let e = (error * error).max(f64::MIN_POSITIVE);
-        let v = last.spp as f64 * rmse * rmse;
-        let root = (v * v + 12. * e / area as f64).sqrt();
-        ((v + root) / (2. * e)).ceil().max(least) as u64
+        let last = self.last().judged(self.measure);
+        let spp = last.map_or(self.spp, |_| self.last().spp);
+        samples_to_error(error, (spp, last), area)
     }
 
     /// Why the run should stop now, if it should; the first sample has time
@@ -362,50 +347,5 @@ fn next_step(spp: u64) -> u64 {
             return step.min(u64::MAX.into()) as u64;
         }
         scale *= 10;
-    }
-}
-
-/// Remembers the signal that asks the run to end.
-#[derive(Clone, Default)]
-pub struct Interrupt(pub Arc<AtomicUsize>);
-
-impl Interrupt {
-    /// Begins to listen for SIGINT, SIGTERM and SIGHUP, of which the second
-    /// ends the program at once, and for warnings; each unless it is
-    /// ignored.
-    pub fn listen() -> io::Result<Self> {
-        let interrupt = Self::default();
-        let again = Arc::new(AtomicBool::new(false));
-        // A file beyond the limit of size is an error, not the end.
-        flag::register(SIGXFSZ, Arc::default())?;
-        let ends = [SIGINT, SIGTERM, SIGHUP];
-        let all = ends.into_iter().chain([SIGXCPU, SIGUSR1, SIGUSR2]);
-        for signal in all.filter(|&signal| !is_ignored(signal)) {
-            // Register what a signal does
-            if ends.contains(&signal) {
-                let shut_down = flag::register_conditional_shutdown;
-                shut_down(signal, 128 + signal, again.clone())?;
-                flag::register(signal, again.clone())?;
-            }
-            let place = interrupt.0.clone();
-            flag::register_usize(signal, place, signal as usize)?;
-        }
-        Ok(interrupt)
-    }
-
-    /// The signal that has arrived, if any.
-    pub fn signal(&self) -> Option<i32> {
-        let signal = self.0.load(Ordering::Relaxed) as i32;
-        (signal != 0).then_some(signal)
-    }
-}
-
-/// Whether this process ignores a signal.
-fn is_ignored(signal: i32) -> bool {
-    // SAFETY: zeros are an action, and the call replaces it by another.
-    unsafe {
-        let mut action: libc::sigaction = mem::zeroed();
-        libc::sigaction(signal, ptr::null(), &mut action) == 0
-            && action.sa_sigaction == libc::SIG_IGN
     }
 }

@@ -14,15 +14,17 @@ mod result;
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use crate::error::{Error, Result};
 use crate::image::{Image, extension};
 use crate::output::descriptor;
 use crate::render_loop::CurvePoint;
-pub use result::{Report, SceneFile, as_typed, slope};
+pub use result::{Report, SceneFile, Settings, as_typed, metric, slope};
 
 /// How a report becomes text.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
     /// Everything but the image, for programs.
     Json,
@@ -37,17 +39,17 @@ impl Kind {
     ///
     /// # Errors
     /// The extension belongs to no kind.
-    pub fn of(path: &Path) -> Result<Self, String> {
+    pub fn of(path: &Path) -> Result<Self> {
         let device = || path.metadata().is_ok_and(|there| !there.is_file());
         match extension(path).as_deref() {
             Some("json") => Ok(Kind::Json),
             Some("csv") => Ok(Kind::Csv),
             Some("html") => Ok(Kind::Html),
             _ if descriptor(path).is_some() || device() => Ok(Kind::Json),
-            _ => Err(format!(
-                "{}: unknown kind of report; name it .json, .csv or .html",
-                path.display()
-            )),
+            _ => Err(Error::from(
+                "unknown kind of report; name it .json, .csv or .html",
+            )
+            .of_file(path.display())),
         }
     }
 

@@ -9,44 +9,26 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-use serde_json::{Map, Value, json};
+use serde::Serialize;
+use serde_json::json;
 
 use crate::analysis::LitView;
 use crate::bvh::Bvh;
 use crate::compare::display::{AUTO_EXPOSURE, Curve, Exposure};
 use crate::compare::display::{auto_stops, cut_out};
 use crate::compare::display::{seeming_surfaces, tonemap};
+use crate::error::Result;
 use crate::film::Film;
 use crate::filter::{Filtered, FirstHits, surface_means};
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
+use crate::key::entries;
 use crate::output::OutputTarget;
+use crate::plan::{Outputs, Product};
 use crate::render_loop::Convergence;
 use crate::report::{Kind, as_typed};
 use crate::sensor::Receivers;
-use crate::sensor::table::{Table, TableFormat};
+use crate::sensor::table::Table;
 use crate::state::checkpoint::{Known, save};
-use crate::state::key::entries;
-
-/// What a file of a run holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Product {
-    /// The image; a PNG may show previews.
-    Image(Format),
-    /// A report of this kind.
-    Report(Kind),
-    /// The values of receivers, in this format.
-    Table(TableFormat),
-    /// The state of the run.
-    State,
-}
-
-impl Product {
-    /// Whether it shows what a filter has made.
-    pub fn is_picture(self) -> bool {
-        use Format::{Exr, Png};
-        matches!(self, Self::Image(Png | Exr) | Self::Report(Kind::Html))
-    }
-}
 
 /// A file of a run.
 struct RunFile {
@@ -83,25 +65,26 @@ impl RunFile {
     }
 }
 
-/// The names and values of a run as the attributes of its image.
-pub fn attributes(known: &Map<String, Value>) -> BTreeMap<String, String> {
-    let text =
-        |(name, value): (&String, _)| (name.clone(), as_typed(value));
-    known.iter().map(text).collect()
+/// The names and values of what is written as an object, as the attributes of
+/// an image.
+pub fn attributes(value: &impl Serialize) -> BTreeMap<String, String> {
+    let all = entries(value).into_iter();
+    all.map(|(name, value)| (name, as_typed(&value))).collect()
 }
 
 impl<'a> RunOutput<'a> {
-    /// The files of a run that is about to begin, with a checkpoint each so
-    /// many seconds, and previews if they are wanted.
+    /// The files of a run that is about to begin.
     pub fn new(
         files: Vec<(Product, OutputTarget)>,
-        (every, preview): (f64, bool),
+        outputs: &Outputs,
         known: Known,
         scene: Option<(&'a Bvh, &'a LitView<'a>)>,
     ) -> Self {
         let now = Instant::now();
-        let every =
-            Duration::try_from_secs_f64(every).unwrap_or(Duration::MAX);
+        let &Outputs { checkpoint_interval, preview, exposure, .. } =
+            outputs;
+        let every = Duration::try_from_secs_f64(checkpoint_interval);
+        let every = every.unwrap_or(Duration::MAX);
         let file = |(product, target)| {
             let due = match product {
                 Product::State => now.checked_add(every),
@@ -112,7 +95,7 @@ impl<'a> RunOutput<'a> {
             RunFile { product, target, due, seconds: 0. }
         };
         let files = files.into_iter().map(file).collect();
-        let (hits, exposure, table) = (OnceCell::new(), None, None);
+        let (hits, table) = (OnceCell::new(), None);
         Self { files, every, known, hits, scene, exposure, table }
     }
 
@@ -126,7 +109,7 @@ impl<'a> RunOutput<'a> {
         convergence: &Convergence,
         film: &Film,
         now: Option<Instant>,
-    ) -> Result<(), String> {
+    ) -> Result<()> {
         let Self { files, every, known, hits, .. } = self;
         let scene = self.scene;
         let (exposure, table) = (self.exposure, self.table);
@@ -221,7 +204,7 @@ impl<'a> RunOutput<'a> {
                 Some(_) => file.target.rewrite(content),
                 None => file.target.write(content),
             };
-            failures.extend(written.err());
+            failures.extend(written.err().map(String::from));
             // Say when a file is due again
             let mut took = began.elapsed();
             if file.product.is_picture() {
@@ -235,7 +218,11 @@ impl<'a> RunOutput<'a> {
             file.due = file.due.and(Instant::now().checked_add(pause));
             file.seconds = convergence.seconds;
         }
-        if failures.is_empty() { Ok(()) } else { Err(failures.join("; ")) }
+        if failures.is_empty() {
+            Ok(())
+        } else {
+            Err(failures.join("; ").into())
+        }
     }
 
     /// A guess of the seconds that all files take for so many pixels, if none
@@ -287,7 +274,7 @@ fn picture<'f>(
         "render_seconds": seconds,
         "stopped": stopped.map_or(json!("not yet"), |stop| json!(stop)),
     });
-    let mut all = report.settings.clone();
+    let mut all = entries(&report.settings);
     all.retain(|_, value| !value.is_null());
     all.extend(entries(run_key));
     all.extend(entries(&known));

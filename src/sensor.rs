@@ -11,7 +11,6 @@ pub mod table;
 use std::array;
 use std::ops::Range;
 
-use clap::ValueEnum;
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -19,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::bvh::{BEAM, Batch, Bvh, Hit, Intersector, NONE};
 use crate::bvh::{is_within, lifted};
 use crate::camera::Camera;
+use crate::error::{Diagnostic, Result};
 use crate::numerics::{cross, normalise, power_of_two, sincos_turns};
 use crate::sampler::{to_unit, within};
 use crate::scene::encoding::{self, quoted};
@@ -280,31 +280,31 @@ fn has_near(
 }
 
 /// A point, its normal, and the line that they stand in, from 1.
-pub type Point = (DVec3, DVec3, u32);
+pub type Point = (DVec3, DVec3, usize);
 
 /// Reads points with normals, in the coordinates of the file; a warning tells
-/// what was left out of a compressed one. Messages begin with a colon.
+/// what was left out of a compressed one.
 ///
 /// # Errors
 /// The line at fault, from 1, and what is wrong with it; or there is no
 /// point, or the file cannot be unpacked.
 pub fn read_points(
     source: &[u8],
-    warnings: &mut Vec<String>,
-) -> Result<Vec<Point>, String> {
+    warnings: &mut Vec<Diagnostic>,
+) -> Result<Vec<Point>> {
     let text = encoding::text(source, warnings)?;
     let text = String::from_utf8_lossy(&text).replace("\r\n", "\n");
     let lines: Vec<&str> = text.split(['\n', '\r']).collect();
     let points = lines.par_iter().enumerate().filter_map(read_point);
     let points: Vec<_> = points.collect();
     match points.into_iter().collect::<Result<Vec<_>, _>>()? {
-        none if none.is_empty() => Err(": no point".to_owned()),
+        none if none.is_empty() => Err("no point".into()),
         points => Ok(points),
     }
 }
 
 /// The point of a line, unless it is a comment, empty, or the head.
-fn read_point((i, line): (usize, &&str)) -> Option<Result<Point, String>> {
+fn read_point((i, line): (usize, &&str)) -> Option<Result<Point>> {
     let is_gap =
         |c: char| c.is_whitespace() || ";\"\u{feff}\u{1a}".contains(c);
     let words = line.split(|c| is_gap(c) || c == ',');
@@ -325,15 +325,18 @@ fn read_point((i, line): (usize, &&str)) -> Option<Result<Point, String>> {
         |field: &str| field.trim_matches(',').matches(',').count() == 1;
     let hint = "; a decimal sign is a point, as in 0.5";
     let hint = if line.split(is_gap).any(is_decimal) { hint } else { "" };
-    let n = i as u32 + 1;
+    let n = i + 1;
     Some(match numbers.as_deref() {
         Some(&[x, y, z, nx, ny, nz]) if hint.is_empty() => {
             Ok((DVec3::new(x, y, z), DVec3::new(nx, ny, nz), n))
         }
-        _ => Err(format!(
-            ":{n}: expected x y z nx ny nz, six numbers, and not '{}'{hint}",
-            quoted(line)
-        )),
+        _ => {
+            let line = quoted(line);
+            let text = format!(
+                "expected x y z nx ny nz, six numbers, and not '{line}'{hint}"
+            );
+            Err(Diagnostic { line: Some(n), ..text.into() }.into())
+        }
     })
 }
 
@@ -345,7 +348,7 @@ fn oddity(
     Some(if bvh.ground_below(hit.point) < -0.75 * LIFT {
         (false, "below the ground")
     } else if has_near(bvh, hit.point, 0.125 * LIFT, |_| true) {
-        (false, "in an edge, or too close to a surface")
+        (false, "on an edge, or too close to a surface")
     } else if frame.is_far(hit.point) {
         (true, "outside by ten times the size of the scene")
     } else if is_oriented && looks_into(bvh, hit) {
@@ -447,9 +450,8 @@ impl Receivers {
 }
 
 /// The sides of a face that receive.
-#[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Serialize, Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
     /// From where its corners go round against the clock.

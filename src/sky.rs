@@ -8,7 +8,6 @@
 
 use std::f64::consts::PI;
 
-use clap::ValueEnum;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -16,9 +15,8 @@ use crate::numerics::normalise;
 
 /// How the radiance of the sky is distributed; a horizontal surface in the
 /// open gets the same from each.
-#[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Serialize, Deserialize,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Cover {
     /// The same in all directions above the horizon.

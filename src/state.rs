@@ -5,6 +5,5 @@
 //! a checkpoint.
 
 pub mod checkpoint;
-pub mod key;
 pub mod learnt;
 pub mod shards;

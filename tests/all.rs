@@ -33,6 +33,7 @@ mod picture;
 mod polygons;
 mod prelude;
 mod ptimg;
+mod random;
 mod render_loop;
 mod report;
 mod runs;

@@ -136,7 +136,7 @@ fn a_hit_is_less_than_an_atom_before_the_wall() {
     let mut hall = cube(1);
     hall.vertices.iter_mut().for_each(|p| *p *= 50.);
     let scene = Scene::new(&hall);
-    // Measure the height of a hit in metres
+    // ErrorNorm the height of a hit in metres
     let middle = scene.frame.entrance(DVec3::ZERO).place().unwrap();
     let direction = DVec3::new(1., 0.01, 0.02).normalize();
     let ray = Ray { origin: middle, direction };

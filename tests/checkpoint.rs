@@ -8,8 +8,8 @@ use crate::prelude::*;
 
 use std::path::PathBuf;
 
+use litpt::key::RunKey;
 use litpt::state::checkpoint::Known;
-use litpt::state::key::RunKey;
 use litpt::state::learnt::{read, write};
 
 // --------------------------------------------------------------- The library
@@ -55,8 +55,8 @@ fn state() -> (Convergence, Film) {
 
 fn known() -> Known {
     let report = Report { convergence: state().0, ..Report::default() };
-    let (options, learnt) = (Value::Null, Arc::default());
-    Known { options, run_key: run_key(), report, learnt }
+    let (plan, learnt) = (Plan::default(), Arc::default());
+    Known { plan, run_key: run_key(), report, learnt }
 }
 
 fn saved() -> Vec<u8> {
@@ -70,7 +70,7 @@ fn resume(
     film: &mut Film,
     file: Cursor<impl AsRef<[u8]>>,
 ) -> Result<Convergence, String> {
-    Checkpoint::open(file)?.resume(run_key, film)
+    Ok(Checkpoint::open(file)?.resume(run_key, film)?)
 }
 
 #[track_caller]

@@ -23,11 +23,12 @@ const ANY: Request = Request {
     method: None,
     seed: 7,
     window: Window { corner: (0, 0), size: SIZE },
-    samples: None,
-    error: None,
-    time: None,
+    budget: OPEN,
     left: None,
 };
+
+/// No limit.
+const OPEN: Budget = Budget { samples: None, time: None, error: None };
 
 /// What is chosen for a scene of this albedo, seen from one point towards
 /// another.
@@ -39,9 +40,9 @@ fn chosen(
 ) -> Option<Choice> {
     let setting = seen(mesh, albedo, view);
     let (intersector, view) =
-        (setting.job(0).intersector, &setting.view(SIZE));
+        (setting.job(0).intersector, setting.view(SIZE));
     let none = &Default::default();
-    let analysis = &SceneAnalysis::find(none, intersector, view, &[]);
+    let analysis = &SceneAnalysis::find(none, intersector, &view, &[]);
     Setup { intersector, view, analysis }.choose(&request)
 }
 
@@ -59,7 +60,7 @@ const INSIDE: (DVec3, DVec3) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
 fn a_pilot_agrees_with_a_render() {
     let (f, albedo, n) = (0.3, 0.8, 2000);
     let mesh = cavity(f, 64);
-    let request = Request { samples: Some(n), ..ANY };
+    let request = Request { budget: Budget::samples(n), ..ANY };
     let pilot = chosen(&mesh, albedo, INSIDE, request).unwrap().pilot;
     let setting = seen(&mesh, albedo, INSIDE);
     let mut film = Film::new(SIZE.0, SIZE.1);
@@ -89,7 +90,8 @@ fn a_pilot_agrees_with_a_render() {
 fn what_there_is_no_time_for_is_not_chosen() {
     let mesh = cavity(0.1, 64);
     let best = |left, method| {
-        let request = Request { method, samples: Some(4096), left, ..ANY };
+        let request =
+            Request { method, budget: Budget::samples(4096), left, ..ANY };
         let choice = chosen(&mesh, 0.9, INSIDE, request);
         choice.unwrap().sampling.method
     };
@@ -113,7 +115,7 @@ fn the_parts_of_the_variance_are_told_apart() {
     mesh.triangles = vec![[0, 1, 2], [0, 2, 3]];
     let view = (DVec3::new(-1., 0., 1.), DVec3::ZERO);
     let asked = |request| chosen(&mesh, 0.5, view, request).unwrap();
-    let of = |n| asked(Request { samples: Some(n), ..ANY });
+    let of = |n| asked(Request { budget: Budget::samples(n), ..ANY });
     let choice = of(64);
     let pilot = choice.pilot;
     assert_eq!(pilot.later, 0.);
@@ -127,7 +129,8 @@ fn the_parts_of_the_variance_are_told_apart() {
     // An error that 256 samples of the reference have takes fewer by nets;
     // those of 256 would have scrambles of 64.
     let error = Some(((pilot.first / 256.).sqrt(), ErrorNorm::default()));
-    let bounded = asked(Request { error, ..ANY }).sampling;
+    let bounded =
+        asked(Request { budget: Budget { error, ..OPEN }, ..ANY }).sampling;
     assert_eq!(bounded.method, Method::Sobol);
     assert!(bounded.net_size < 32, "{}", bounded.net_size);
 }
@@ -136,7 +139,8 @@ fn the_parts_of_the_variance_are_told_apart() {
 fn few_paths_have_no_pilot_and_a_bound_of_the_error_is_a_number() {
     let mesh = cavity(0.05, 32);
     let choice = |samples, error| {
-        chosen(&mesh, 0.9, INSIDE, Request { samples, error, ..ANY })
+        let budget = Budget { samples, error, ..OPEN };
+        chosen(&mesh, 0.9, INSIDE, Request { budget, ..ANY })
     };
     assert!(choice(Some(8), None).is_none());
     assert!(choice(Some(9), None).is_some());

@@ -45,7 +45,7 @@ fn images() -> [Image; 2] {
 }
 
 fn decode(bytes: &[u8]) -> Result<Image, String> {
-    Image::decode(bytes, &mut |_| ())
+    Image::decode(bytes, &mut |_| ()).map_err(String::from)
 }
 
 /// An image that is not as it should be, and what was said of it.
@@ -216,7 +216,8 @@ fn files_of_other_kinds_are_refused_with_the_reason() {
         refuse(other, &["neither EXR, PFM, PNG nor PGM"]);
     }
     let place = tempfile::tempdir().unwrap();
-    let message = Image::read(&place.path().join("none.exr")).unwrap_err();
+    let message = Image::read(&place.path().join("none.exr"));
+    let message = message.unwrap_err().to_string();
     assert!(message.contains("none.exr: cannot read"), "{message}");
 }
 
@@ -561,20 +562,20 @@ fn the_extension_tells_the_format() {
         ("c.Pfm", Format::Pfm),
         ("c.exr", Format::Exr),
     ] {
-        assert_eq!(Format::of(name.as_ref()), Ok(format));
+        assert_eq!(Format::of(name.as_ref()).unwrap(), format);
     }
-    let message = Format::of("c.jpg".as_ref()).unwrap_err();
+    let message = Format::of("c.jpg".as_ref()).unwrap_err().to_string();
     assert!(message.contains("c.jpg") && message.contains(".exr"));
     let place = tempfile::tempdir().unwrap();
     let path = place.path().join("image.exr");
-    assert_eq!(format_of(&path, Format::Pgm), Ok(Format::Exr));
+    assert_eq!(format_of(&path, Format::Pgm).unwrap(), Format::Exr);
     let target = OutputTarget::file(&path, false).unwrap();
     assert!(!path.exists());
     let write =
         || target.write(&mut |out| Format::Exr.write(&image(), out));
     write().unwrap();
-    assert_eq!(Image::read(&path), Ok(image()));
-    assert!(write().unwrap_err().contains("-f"));
+    assert_eq!(Image::read(&path).unwrap(), image());
+    assert!(write().unwrap_err().to_string().contains("-f"));
 }
 
 #[test]
@@ -589,12 +590,14 @@ fn a_target_is_rewritten_whole_and_only_after_it_was_ours() {
         assert_eq!(there(), state);
     }
     let refused = other.rewrite(&mut |out| write!(out, "other"));
-    assert!(refused.unwrap_err().contains("-f"));
+    assert!(refused.unwrap_err().to_string().contains("-f"));
     let failed = place.rewrite(&mut |out| {
         write!(out, "ha")?;
         Err(Error::other("no more"))
     });
-    assert!(failed.unwrap_err().contains("cannot write: no more"));
+    assert!(
+        failed.unwrap_err().to_string().contains("cannot write: no more")
+    );
     assert_eq!(there(), "second");
     place.write(&mut |out| write!(out, "last")).unwrap();
     assert_eq!(there(), "last");

@@ -670,7 +670,7 @@ fn a_gather_ends_in_each_stage_by_the_clock_and_by_a_signal() {
         let clock = || {
             let now = ticks.fetch_add(1, Relaxed);
             if let Some(signal) = signal.filter(|_| now == looks) {
-                interrupt.0.store(signal as usize, Relaxed);
+                interrupt.cell().store(signal as usize, Relaxed);
             }
             start + Duration::from_millis(now)
         };

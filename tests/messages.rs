@@ -5,7 +5,7 @@
 
 use crate::prelude::*;
 
-use litpt::progress;
+use litpt::cli::progress;
 
 /// Runs a line of the shell, in which `$PT` is `pt`, on a terminal; its output
 /// and its messages come as one text. None where there is no program `script`

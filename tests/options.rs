@@ -8,17 +8,23 @@ use crate::prelude::*;
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
 
-use litpt::options::{Error, Options};
+use litpt::cli::options::{Error, Options};
 
 // ------------------------------------------------------- Words and options
 
-fn parse(words: &[&str]) -> Result<Options, Error> {
-    Options::parse([&["pt"], words].concat())
+fn parse(words: &[&str]) -> Result<Plan, Error> {
+    Options::parse([&["pt"], words].concat())?.plan(None, false)
 }
 
 #[track_caller]
-fn parsed(words: &[&str]) -> Options {
+fn parsed(words: &[&str]) -> Plan {
     parse(words).unwrap_or_else(|error| panic!("{words:?}: {error:?}"))
+}
+
+/// The plan of a run that goes on from another.
+fn resumed(words: &[&str], saved: &Plan) -> Result<Plan, Error> {
+    let words = [&["pt", "--resume=d"], words].concat();
+    Options::parse(words)?.plan(Some(saved), false)
 }
 
 /// Wrong usage, which is told in one line with each of the texts.
@@ -36,7 +42,7 @@ fn refused(words: &[&str], texts: &[&str]) {
 
 /// What is as the other would be in a checkpoint.
 fn saved(words: &[&str]) -> String {
-    parsed(words).save("/".as_ref()).to_string()
+    json!(parsed(words).saved("/".as_ref())).to_string()
 }
 
 /// Each option that has a value and a default: its short form, its long
@@ -55,10 +61,9 @@ const DEFAULTS: [[&str; 4]; 8] = [
 #[test]
 fn a_default_given_explicitly_changes_nothing() {
     let meant = |words: &[&str]| {
-        let options = parsed(&[&["-p0,0,0"], words].concat());
-        let mut other = options.clone();
-        (other.samples, other.target) = (options.samples(), None);
-        (other.save("/".as_ref()), options.view())
+        let mut plan = parsed(&[&["-p0,0,0"], words].concat());
+        plan.up = plan.up.or(Some(DVec3::Z));
+        plan
     };
     let typed = meant(&[]);
     for [short, long, default, other] in DEFAULTS {
@@ -99,7 +104,11 @@ fn a_value_that_is_almost_right_is_refused() {
         ("-F --time", "50%", "a real number"),
         ("-F --fov", "0|180|-10|1e3", "strictly between 0 and 180"),
         ("-r --albedo", "-0.1|1.1", "between 0 and 1"),
-        ("--time --error --every", "0|-1", "greater than zero"),
+        (
+            "--time --error --checkpoint-interval",
+            "0|-1",
+            "greater than zero",
+        ),
         ("-j --threads", "0|4097", "between 1 and 4096"),
         ("--isa", "sse|AVX2", ""),
         ("--integrator", "path|AUTO", "reference, sobol or gather"),
@@ -143,7 +152,8 @@ fn a_vector_may_begin_with_a_minus_sign() {
     let separate = ["-p", "-1,-2,-.5", "-t", "-2,1,-1", "-u", "-1,0,9"];
     assert_eq!(saved(&joined), saved(&separate));
     let position = DVec3::new(-1., -2., -0.5);
-    assert_eq!(parsed(&joined).position, Some(position));
+    let plan = parsed(&joined);
+    assert_eq!(plan.camera().unwrap().view(DVec3::Z).position, position);
 }
 
 #[test]
@@ -160,7 +170,7 @@ fn options_that_do_not_fit_together_are_refused() {
         (&["-n8", "--samples=0..0", "-oa.png"], "only learns"),
         (&["-oa.litpt", "-ob.litpt"], "a run has one state"),
         (&["-oa.litpt", "--checkpoint=b"], "a run has one state"),
-        (&["--every", "5"], "--every needs --checkpoint"),
+        (&["--every", "5"], "--checkpoint-interval needs --checkpoint"),
         (&["--format=exr", "-oa.pgm"], "--format is for standard output"),
         (&["--checkpoint", "-"], "--checkpoint needs a file"),
         (&["--preview", "-o", "a.pfm"], "--preview needs a PNG file"),
@@ -197,46 +207,58 @@ fn of_an_option_given_twice_the_last_value_counts() {
     let twice = ["-d9x7", "-n2", "-n", "3", "-q", "-q", "-f", "-f"];
     assert_eq!(saved(&twice), saved(&["-d9x7", "-n3", "-qf"]));
     for (words, name) in [
-        (&["a.obj"][..], Some("a.obj")),
-        (&["b.obj", "-i", "a.obj"], Some("a.obj")),
-        (&["--input=b.obj", "a.obj"], Some("a.obj")),
-        (&["-"], None),
-        (&["-i-"], None),
-        (&[], None),
+        (&["a.obj"][..], "a.obj"),
+        (&["b.obj", "-i", "a.obj"], "a.obj"),
+        (&["--input=b.obj", "a.obj"], "a.obj"),
+        (&["-"], "-"),
+        (&["-i-"], "-"),
+        (&[], "-"),
     ] {
-        assert_eq!(parsed(words).scene_file(), name.map(AsRef::as_ref));
+        assert_eq!(parsed(words).scene, Path::new(name));
     }
 }
 
-/// What is typed comes after the options of the run that goes on; those that
-/// belong together are replaced together.
+/// Limits and outputs may be given anew, together each; all else stays.
 #[test]
-fn a_resumed_run_has_the_options_of_both_commands() {
-    let typed = ["-n9", "--error=1", "-oa.pfm", "-oa.png", "-fq", "b.obj"];
+fn a_resumed_run_has_its_plan_with_other_limits_and_outputs() {
+    let typed = ["-n9", "--error=1", "-oa.pfm", "-oa.png", "-f", "b.obj"];
     let typed = [&typed[..], &["--checkpoint=c", "--report=r.csv"]];
-    let before = parsed(&typed.concat()).save("/there".as_ref());
-    let after = |words: &[&str]| {
-        let words = [&["--resume=d"], words].concat();
-        parsed(&words).after(&before).unwrap()
+    let before = parsed(&typed.concat()).saved("/there".as_ref());
+    let before = before.restored();
+    let files = |plan: &Plan| {
+        let files = plan.outputs.files.iter();
+        files.map(|(_, path)| path.clone()).collect::<Vec<_>>()
     };
-    let alone = after(&[]);
-    let error = alone.error.map(|target| target.error);
-    assert_eq!((alone.samples, error), (Some(9), Some(1.)));
-    assert_eq!(alone.checkpoint, Some("d".into()));
-    assert_eq!(alone.scene_file(), Some("/there/b.obj".as_ref()));
-    let old = ["/there/a.pfm", "/there/a.png", "/there/r.csv", "d"];
-    assert_eq!(alone.replaced, old.map(AsRef::<Path>::as_ref));
-    assert!(alone.quiet && !alone.force);
-    let more = after(&["--time=2", "-of", "-ic.obj", "--checkpoint=e"]);
-    let limits = (more.samples, more.error, more.time);
-    assert_eq!(limits, (None, None, Some(2.)));
-    assert_eq!(more.output, [std::path::PathBuf::from("f")]);
-    assert_eq!(more.scene_file(), Some("c.obj".as_ref()));
-    assert_eq!(more.checkpoint, Some("e".into()));
-    let preview = parsed(&["--resume=d", "--preview", "-ob.pfm"]);
-    assert!(matches!(preview.after(&before), Err(Error::Usage(_))));
-    let none = parsed(&["--resume=d"]).after(&serde_json::json!(3));
-    assert!(matches!(none, Err(Error::Failure(_))));
+    let alone = resumed(&[], &before).unwrap();
+    assert_eq!(alone.budget, before.budget);
+    assert_eq!(alone.scene, Path::new("/there/b.obj"));
+    let old = ["/there/a.pfm", "/there/a.png", "/there/c", "/there/r.csv"];
+    assert_eq!(files(&alone), old.map(std::path::PathBuf::from));
+    let old = [&old[..], &["d"]].concat();
+    let replaced: Vec<_> = old.iter().map(AsRef::as_ref).collect();
+    assert_eq!(alone.outputs.replaced, replaced as Vec<&Path>);
+    assert!(!alone.outputs.force);
+    let words = ["--time=2", "-of.pgm", "--checkpoint=e", "-qj3"];
+    let more = resumed(&words, &before).unwrap();
+    let timed = Budget { samples: None, time: Some(2.), error: None };
+    assert_eq!(more.budget, timed);
+    let names = ["f.pgm", "e", "/there/r.csv"];
+    assert_eq!(files(&more), names.map(std::path::PathBuf::from));
+    for (words, name) in [
+        (&["a.obj"][..], "FILE cannot be given with --resume"),
+        (&["-r0.5"], "--albedos"),
+        (&["--points=p"], "--points"),
+        (&["--preview", "-ob.pfm"], "--preview needs a PNG"),
+    ] {
+        let Err(Error::Usage(line)) = resumed(words, &before) else {
+            panic!("{words:?} are accepted");
+        };
+        assert!(line.contains(name), "{line}");
+    }
+    // The state is that of the run unless another is named.
+    let none = parsed(&["-oa.pfm"]);
+    let plan = resumed(&[], &none).unwrap();
+    assert_eq!(files(&plan), ["a.pfm", "d"].map(std::path::PathBuf::from));
 }
 
 #[test]
@@ -246,8 +268,9 @@ fn a_name_of_a_file_need_not_be_a_text() {
     for name in others.into_iter().chain([name]) {
         let words = ["pt", "--"].map(OsStr::new).into_iter();
         let typed = Options::parse(words.chain([name])).unwrap();
-        let again = Options::restore(&typed.save("/".as_ref())).unwrap();
-        assert_eq!(again.scene, Some(Path::new("/").join(name)));
+        let plan = typed.plan(None, false).unwrap().saved("/".as_ref());
+        let again: Plan = serde_json::from_value(json!(plan)).unwrap();
+        assert_eq!(again.restored().scene, Path::new("/").join(name));
     }
     // It is told from the value of an option by its place.
     let values = "-n 3 -d 3x3 -p 3,2,1 --integrator sobol";
@@ -255,11 +278,7 @@ fn a_name_of_a_file_need_not_be_a_text() {
         for line in [format!("{name} {values}"), format!("{values} {name}")]
         {
             let words: Vec<&str> = line.split(' ').collect();
-            let before = parsed(&words).save("/".as_ref());
-            let again = Options::restore(&before).unwrap();
-            let scene = Path::new("/").join(name);
-            assert_eq!(again.scene_file(), Some(&*scene), "{line}");
-            assert_eq!(again.save("/".as_ref()), before, "{line}");
+            assert_eq!(parsed(&words).scene, Path::new(name), "{line}");
         }
     }
     let place = Scratch::new();

@@ -60,7 +60,7 @@ fn an_output_that_cannot_be_written_is_refused_at_once() {
         ("image.jpg", ".pgm, .png"),
         ("image.pgm.gz", ".pgm, .png"),
         ("image.pgmx", ".pgm, .png"),
-        ("link.pgm", "is a link to nothing"),
+        ("link.pgm", "dangling symbolic link"),
         ("first.pgm", "named twice"),
     ] {
         for force in ["-q", "-f"] {

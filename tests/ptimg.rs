@@ -162,7 +162,7 @@ fn a_diff_answers_by_its_status_and_in_words() {
         image.attributes.insert("scene_sha256".into(), hash.into());
         write(&place, name, &image);
     }
-    let exact = "b.pfm: no errors; it is taken as";
+    let exact = "b.pfm: no error estimates; treated as";
     let seed = "warning: both images come from seed 1: ";
     let image = "inconsistent: chance alone does not explain the difference \
                  (failed: blocks of 16x16, image)";
@@ -201,7 +201,7 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
         ("a.exr none.exr", &["none.exr: cannot read"][..]),
         ("a.exr room.obj", &["room.obj: it is neither"]),
         ("- -", &["standard input: it is neither"]),
-        ("a.pfm b.pfm", &["a.pfm", "errors"]),
+        ("a.pfm b.pfm", &["a.pfm", "error estimates"]),
         ("a.exr b.exr", &["40x30", "30x40"]),
         ("a.exr", &["<B>", "ptimg --help"]),
         ("a.exr b.exr -o a.pfm", &["a.pfm", "-f"]),

@@ -6,7 +6,7 @@
 
 use crate::prelude::*;
 
-use litpt::state::key::Part;
+use litpt::key::Part;
 use litpt::state::shards;
 
 /// A view of four rows of tiles, the last of them cut off.

@@ -52,8 +52,7 @@ fn clusters() -> Mesh {
 
 /// A point of the scene: a vertex, a point of an edge or of a triangle, the
 /// middle, or any.
-fn place(scene: &Scene, random: &mut Pcg64) -> DVec3 {
-    let triangles = scene.triangles.to_vec();
+fn place(triangles: &[Triangle], random: &mut Pcg64) -> DVec3 {
     let anywhere = 4096. * vector(random);
     if triangles.is_empty() {
         return anywhere;
@@ -76,9 +75,9 @@ const SMALL: [f64; 10] =
     [0., -0., 5e-324, -5e-324, 1e-40, -1e-40, 1e-19, -1e-15, 1e-8, -1e-5];
 
 /// A ray from one place to another, or with small components.
-fn ray(scene: &Scene, random: &mut Pcg64) -> Ray {
-    let mut origin = place(scene, random);
-    let mut direction = place(scene, random) - origin;
+fn ray(triangles: &[Triangle], random: &mut Pcg64) -> Ray {
+    let mut origin = place(triangles, random);
+    let mut direction = place(triangles, random) - origin;
     if direction == DVec3::ZERO || random.random_range(0..4) == 0 {
         direction = vector(random);
     }
@@ -91,7 +90,7 @@ fn ray(scene: &Scene, random: &mut Pcg64) -> Ray {
     }
     if random.random_range(0..4) == 0 {
         // In the plane of a box.
-        let corner = place(scene, random).x as f32;
+        let corner = place(triangles, random).x as f32;
         let padding = [0., 1. / 128., -1. / 128.];
         origin.x = (corner + padding[random.random_range(0..3)]).into();
     }
@@ -142,10 +141,11 @@ fn all_instructions_answer_rays_with_the_same_bits() {
         let intersectors: Vec<_> =
             Isa::ALL.into_iter().filter_map(with).collect();
         let (portable, others) = intersectors.split_last().unwrap();
+        let all = scene.triangles.to_vec();
         let mut random = Pcg64::seed_from_u64(i as u64);
         let mut hits = 0;
         for _ in 0..RAYS {
-            let ray = ray(&scene, &mut random);
+            let ray = ray(&all, &mut random);
             let next = vector(&mut random).normalize();
             let expected = two_hits(portable, &ray, next);
             hits += usize::from(expected[0].is_some());
@@ -154,7 +154,7 @@ fn all_instructions_answer_rays_with_the_same_bits() {
                 assert_eq!(found, expected, "{i}: {ray:?}");
             }
         }
-        match scene.triangles.len() {
+        match all.len() {
             0 => assert_eq!(hits, 0),
             _ => assert!(hits > RAYS / 20, "{i}: {hits}"),
         }
@@ -162,9 +162,9 @@ fn all_instructions_answer_rays_with_the_same_bits() {
 }
 
 /// Rays side by side, from nothing to far apart, some of them missing.
-fn beam(scene: &Scene, random: &mut Pcg64) -> [Option<Ray>; BEAM] {
+fn beam(triangles: &[Triangle], random: &mut Pcg64) -> [Option<Ray>; BEAM] {
     let scales = [0., 1e-15, 1e-9, 1e-5, 1e-2, 1.];
-    let Ray { origin, direction } = ray(scene, random);
+    let Ray { origin, direction } = ray(triangles, random);
     let apart = 4096. * scales[random.random_range(0..5)];
     let spread = scales[random.random_range(0..6)];
     std::array::from_fn(|_| {
@@ -182,12 +182,13 @@ fn rays_of_a_beam_are_answered_as_if_alone() {
         [cube(16), icosphere(3), soup(), clusters(), cavity(0.2, 24), empty]
     {
         let scene = Scene::new(&mesh);
+        let all = scene.triangles.to_vec();
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
             let bvh = Bvh::with(&scene, Quality::FAST, isa).unwrap();
             let mut random = Pcg64::seed_from_u64(11);
             let mut hits = 0;
             for _ in 0..10_000 {
-                let rays = beam(&scene, &mut random);
+                let rays = beam(&all, &mut random);
                 let together = bvh.first_hits(&rays);
                 for (ray, hit) in rays.into_iter().zip(together) {
                     let alone =
@@ -196,7 +197,7 @@ fn rays_of_a_beam_are_answered_as_if_alone() {
                     hits += usize::from(hit.is_some());
                 }
             }
-            match scene.triangles.len() {
+            match all.len() {
                 0 => assert_eq!(hits, 0),
                 _ => assert!(hits > 10_000, "{isa}: {hits}"),
             }
@@ -272,7 +273,7 @@ fn what_is_visible_is_what_a_ray_meets_first() {
             for i in 0..8_000 {
                 // Aim at a corner, an edge or the middle of a triangle.
                 let [a, b, c] = all[i % all.len()];
-                let origin = ray(&scene, &mut random).origin;
+                let origin = ray(&all, &mut random).origin;
                 let [u, v] = match random.random_range(0..4) {
                     0 => [0., 0.],
                     1 => [0.5, 0.5],

@@ -7,12 +7,11 @@ use crate::prelude::*;
 
 use std::ffi::OsString;
 
-use litpt::options::Options;
-use litpt::session::World;
+use litpt::cli::options::Options;
 
 /// The image of a world by the reference.
 fn image(world: &World) -> Vec<f64> {
-    let (bvh, view) = (&world.bvh, &world.view());
+    let (bvh, view) = (&world.bvh, world.view());
     let analysis = &SceneAnalysis::default();
     let setup = Setup { intersector: bvh, view, analysis };
     let window = world.subject.sensed.window();
@@ -30,10 +29,11 @@ fn image(world: &World) -> Vec<f64> {
     film.means().collect()
 }
 
-fn options(scene: &Path, words: &str) -> Options {
+fn plan(scene: &Path, words: &str) -> Plan {
     let words = format!("pt -d9x7 {words}");
     let words = words.split_whitespace().map(OsString::from);
-    Options::parse(words.chain([scene.into()])).unwrap()
+    let options = Options::parse(words.chain([scene.into()])).unwrap();
+    options.plan(None, false).unwrap()
 }
 
 #[test]
@@ -52,18 +52,24 @@ fn a_scene_that_is_shown_in_another_way_is_as_if_read_for_it() {
         "-r 0.7 -r floor=0.2 --view top --sky overcast",
         "-d 8x8 -r 0.7 -F 30 -u y",
     ];
-    let (mesh, mut world) = World::open(&options(scene, all[0])).unwrap();
+    let open = |mut plan: Plan| {
+        let inputs = Inputs::read(&plan, Host::default()).unwrap();
+        let mesh = inputs.mesh.clone();
+        plan.look_up(&mesh);
+        (mesh, World::new(&plan, inputs, Host::default()).unwrap())
+    };
+    let (mesh, mut world) = open(plan(scene, all[0]));
     let mut images = vec![];
     for words in all.into_iter().chain(all) {
-        let options_now = options(scene, words);
-        world.show(&options_now, &mesh).unwrap();
-        let (_, fresh) = World::open(&options_now).unwrap();
+        let mut now = plan(scene, words);
+        now.look_up(&mesh);
+        world.show(&now, &mesh).unwrap();
+        let (_, fresh) = open(now);
         assert!(world.subject == fresh.subject, "{words}");
         let now = image(&world);
         assert_eq!(now, image(&fresh), "{words}");
         // What is refused changes nothing.
-        let refused =
-            options(scene, "-r nothing=0.2 --ground 0.9 -p 9,9,9");
+        let refused = plan(scene, "-r nothing=0.2 --ground 0.9 -p 9,9,9");
         assert!(world.show(&refused, &mesh).is_err());
         assert_eq!(now, image(&world), "{words}");
         images.push(now);

@@ -9,7 +9,9 @@
 # usage: awk -f book/scripts/layers.awk tests/layers.txt > layers.tex
 
 function chapter(module) {
-    return module == "main" || module == "session" ? "program" : module
+    return module == "main" || module == "cli" ? "program" : \
+        module == "host" || module == "inputs" ? "plan" : \
+        module == "key" ? "state" : module
 }
 
 {

@@ -14,7 +14,6 @@ mod bounces;
 mod calibration;
 mod chance;
 mod closed_forms;
-mod fuzz;
 mod geometry;
 mod learnt;
 mod manuals;
@@ -41,14 +40,13 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 15] = [
+pub const ALL: [Part; 14] = [
     ("ablation", ablation::run),
     ("bounces", bounces::run),
     ("calibration", calibration::run),
     ("chance", chance::run),
     ("closed_forms", closed_forms::run),
     ("courtyard", courtyard),
-    ("fuzz", fuzz::run),
     ("geometry", geometry::run),
     ("learnt", learnt::run),
     ("manuals", manuals::run),

@@ -15,12 +15,13 @@ use std::sync::{Mutex, MutexGuard, Once, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 use std::{panic, thread};
 
+use litpt::cli::ranks::{Ranks, follow};
+use litpt::cli::{progress, run::main_with};
+use litpt::error::Result;
 use litpt::film::{Film, SIDE, Watch, Window};
 use litpt::integrator::Communicator;
-use litpt::progress;
+use litpt::key::RunKey;
 use litpt::render::{Renderer, Share};
-use litpt::session::{self, Ranks};
-use litpt::state::key::RunKey;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator as _, *};
 use mpi::{Rank, Threading};
@@ -41,7 +42,7 @@ impl Communicator for World {
     ) -> Cow<'a, [u8]> {
         if world().rank() > 0 {
             report(own);
-            return self.hear().unwrap_or_default().into();
+            return hear().unwrap_or_default().into();
         }
         let look = || {
             watch(0);
@@ -50,24 +51,20 @@ impl Communicator for World {
         let others = (1..self.place().1).map(|_| wait_for(look));
         let parts = BTreeMap::from_iter(others.chain([(0, own.to_vec())]));
         let mut all = Vec::from_iter(parts.into_values()).concat();
-        self.tell(&mut all);
+        tell(&mut all);
         all.into()
+    }
+
+    fn broadcast(&self, mut own: Vec<u8>) -> Result<Vec<u8>> {
+        if world().rank() == 0 {
+            tell(&mut own);
+            return Ok(own);
+        }
+        hear().ok_or_else(|| "rank 0 has ended".into())
     }
 }
 
 impl Ranks for World {
-    fn tell(&self, bytes: &mut [u8]) {
-        send_all(Order::Listen(bytes.len() as u64));
-        broadcast(bytes);
-    }
-
-    fn hear(&self) -> Option<Vec<u8>> {
-        let Order::Listen(n) = wait_for(pending_order) else { return None };
-        let mut bytes = vec![0; n as usize];
-        broadcast(&mut bytes);
-        Some(bytes)
-    }
-
     fn lead<'a>(
         &self,
         own: Box<dyn Renderer + 'a>,
@@ -128,13 +125,15 @@ fn main() -> ExitCode {
     };
     abort_on_panic();
     match world().rank() {
-        0 => shutdown(session::lead(&World)),
-        rank => follow(rank),
+        0 => shutdown(main_with(&World)),
+        rank => serve(rank),
     }
 }
 
-fn follow(rank: Rank) -> ExitCode {
-    if let Err(message) = session::follow(&World)
+/// Renders for rank 0.
+fn serve(rank: Rank) -> ExitCode {
+    if let Err(message) = follow(&World)
+        && !ENDED.load(Relaxed)
         && wait_for(pending_order) != Order::End
     {
         progress::error(&format!("rank {rank}: {message}"));
@@ -199,12 +198,16 @@ fn wait_for<T>(look: impl Fn() -> Option<T>) -> T {
 /// Whether rank 0 has given the order to stop.
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
+/// Whether rank 0 has nothing more to do.
+static ENDED: AtomicBool = AtomicBool::new(false);
+
 /// The next order, if it is there; that to stop is noted and not returned.
 fn pending_order() -> Option<Order> {
     let found = world().process_at_rank(0).immediate_matched_probe();
     let (text, _) = found?.matched_receive_vec::<u8>();
     let order = serde_json::from_slice(&text).unwrap_or(Order::End);
     STOPPED.fetch_or(order == Order::Stop, Relaxed);
+    ENDED.fetch_or(order == Order::End, Relaxed);
     (order != Order::Stop).then_some(order)
 }
 
@@ -230,6 +233,20 @@ fn send(rank: Rank, order: Order) {
 /// Sends an order to all other ranks.
 fn send_all(order: Order) {
     (1..world().size()).for_each(|rank| send(rank, order));
+}
+
+/// Tells all other ranks some bytes.
+fn tell(bytes: &mut [u8]) {
+    send_all(Order::Listen(bytes.len() as u64));
+    broadcast(bytes);
+}
+
+/// What rank 0 tells; none if there is nothing more to do.
+fn hear() -> Option<Vec<u8>> {
+    let Order::Listen(n) = wait_for(pending_order) else { return None };
+    let mut bytes = vec![0; n as usize];
+    broadcast(&mut bytes);
+    Some(bytes)
 }
 
 fn broadcast(bytes: &mut [u8]) {

@@ -13,20 +13,23 @@ use std::sync::Arc;
 use clap::{Args, Parser, Subcommand};
 use serde_json::{Value, json};
 
+use litpt::cli::options::{LICENCE, parse_words};
+use litpt::cli::progress;
+use litpt::cli::run::fail;
 use litpt::compare::display::{
     self, AUTO_EXPOSURE, Curve, Exposure, auto_stops, seeming_surfaces,
 };
 use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
+use litpt::error::{Error, Result};
 use litpt::film::SIDE;
 use litpt::image::{BANDS, Format, Image, OPACITY, luminance};
 use litpt::options::{LICENCE, parse_words};
-use litpt::output::{OutputTarget, descriptor, format_of, tell_apart};
+use litpt::output::{OutputTarget, descriptor, format_of, refuse_aliases};
 use litpt::progress;
 use litpt::report::Kind;
-use litpt::run_output::{Product, RunOutput};
-use litpt::session::fail;
+use litpt::run_output::RunOutput;
 use litpt::state::shards::{self, is_state_name};
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
@@ -77,8 +80,8 @@ enum Verb {
         #[arg(long)]
         no_filter: bool,
     },
-    /// Join three images of one seed, of --band r, g and b, to a colour image,
-    /// .png or .exr
+    /// Join three images with the same seed, of --band r, g and b, to a colour
+    /// image, .png or .exr
     Rgb {
         /// Red, green and blue
         #[arg(value_names = ["R", "G", "B"], num_args = 3, required = true)]
@@ -104,7 +107,7 @@ enum Verb {
         #[arg(value_name = "A")]
         a: PathBuf,
 
-        /// Image to test against; taken as exact if it says no errors
+        /// Image to test against; treated as exact if it has no error estimates
         #[arg(value_name = "B")]
         b: PathBuf,
 
@@ -167,26 +170,24 @@ struct Output {
 impl Output {
     /// The targets of an image, which on standard output has the format
     /// that was asked for, or the usual one; `grey` allows levels only.
-    fn targets(
-        &self,
-        usual: Format,
-        grey: bool,
-    ) -> Result<Vec<Target>, String> {
+    fn targets(&self, usual: Format, grey: bool) -> Result<Vec<Target>> {
         let target = |path: &PathBuf| {
             // Check one target
             let name = path.display();
             if descriptor(path).is_none() && self.format.is_some() {
-                return Err(format!(
-                    "{name}: --format is for standard output; the name of a file \
-                     tells its format"
-                ));
+                return Err(Error::from(
+                    "--format is for standard output; the name of a file \
+                     tells its format",
+                )
+                .of_file(name));
             }
             let format = format_of(path, self.format.unwrap_or(usual))?;
             let target = (format, OutputTarget::file(path, self.force)?);
             match grey && !is_grey(&target) {
-                true => Err(format!(
-                    "{name}: this image is written as .pgm or .png"
-                )),
+                true => {
+                    let fault = "this image is written as .pgm or .png";
+                    Err(Error::from(fault).of_file(name))
+                }
                 false => Ok(target),
             }
         };
@@ -207,8 +208,8 @@ fn main() -> ExitCode {
         Err(error) => return fail(error),
     };
     // Report a fault by message and status
-    run(&arguments.verb).unwrap_or_else(|message| {
-        progress::error(&message);
+    run(&arguments.verb).unwrap_or_else(|error| {
+        progress::error(&error.to_string());
         match arguments.verb {
             Verb::Diff { .. } => ExitCode::from(2),
             _ => ExitCode::FAILURE,
@@ -216,7 +217,7 @@ fn main() -> ExitCode {
     })
 }
 
-fn run(verb: &Verb) -> Result<ExitCode, String> {
+fn run(verb: &Verb) -> Result<ExitCode> {
     match verb {
         Verb::Info { files, json } => inform(files, *json)?,
         // Make an image for the screen
@@ -233,9 +234,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let has_colours =
                 |t: &Target| [Format::Png, Format::Exr].contains(&t.0);
             if !targets.iter().all(has_colours) {
-                return Err(
-                    "colours are written as .png or .exr".to_owned()
-                );
+                return Err("colours are written as .png or .exr".into());
             }
             // Read the bands
             let mut told = BTreeSet::new();
@@ -254,10 +253,8 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                 // Compare a band with the first
                 let size = |image: &Image| (image.width, image.height);
                 if size(image) != size(&images[0]) {
-                    return Err(format!(
-                        "{}: it has another size",
-                        path.display()
-                    ));
+                    let fault = Error::from("it has another size");
+                    return Err(fault.of_file(path.display()));
                 }
                 let [first, own] =
                     [&images[0], image].map(|image| &image.attributes);
@@ -266,9 +263,9 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                     own.get("band").filter(|band| *band != wanted)
                 {
                     let path = path.display();
-                    return Err(format!(
-                        "{path}: it is of --band {band}, not {wanted}"
-                    ));
+                    let fault =
+                        format!("it is of --band {band}, not {wanted}");
+                    return Err(Error::from(fault).of_file(path));
                 }
                 let mut others = disagreements(first, own);
                 others.retain(|what| !what.starts_with("materials "));
@@ -303,7 +300,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             // Merge the states of a run
             let written =
                 to.output.iter().chain(report).map(PathBuf::as_path);
-            tell_apart(files.iter().map(PathBuf::as_path), written)?;
+            refuse_aliases(files.iter().map(PathBuf::as_path), written)?;
             let outputs = to.output.iter().cloned();
             let (states, output): (Vec<_>, _) =
                 outputs.partition(|path| is_state_name(path));
@@ -322,7 +319,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             };
             let targets = images.chain(report.iter().map(of_report));
             let targets = targets.chain(states.iter().map(of_state));
-            let targets = targets.collect::<Result<Vec<_>, String>>()?;
+            let targets = targets.collect::<Result<Vec<_>>>()?;
             let merged = shards::merge(files)?;
             if merged.known.run_key.subject.sensed.is_list()
                 && targets
@@ -331,7 +328,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             {
                 return Err("receivers have no image: merge to a state, -o a.litpt, \
                             and use pt --resume a.litpt -o a.csv"
-                    .to_owned());
+                    .into());
             }
             // Name the parts that are missing
             if let Some(missing) = &merged.missing {
@@ -339,12 +336,14 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                 match partial {
                     true if states.is_empty() => progress::warn(&missing),
                     true => {
-                        return Err(format!(
-                            "{missing}: no state can be written"
-                        ));
+                        let fault =
+                            format!("{missing}: no state can be written");
+                        return Err(fault.into());
                     }
                     false => {
-                        return Err(format!("{missing} (see --partial)"));
+                        return Err(
+                            format!("{missing} (see --partial)").into()
+                        );
                     }
                 }
             }
@@ -366,8 +365,12 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                 ));
             }
             let convergence = merged.known.report.convergence.clone();
-            let mut output =
-                RunOutput::new(targets, (60., false), merged.known, None);
+            let mut output = RunOutput::new(
+                targets,
+                &Outputs::default(),
+                merged.known,
+                None,
+            );
             output.write(&convergence, &merged.film, None)?;
         }
         Verb::Stderr { input, to, relative } => {
@@ -375,7 +378,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let targets = to.targets(Format::Pgm, true)?;
             let image = read(input)?;
             let (grey, white) = display::errors(&image, *relative)
-                .map_err(|fault| format!("{}: {fault}", input.display()))?;
+                .map_err(|fault| fault.of_file(input.display()))?;
             write(&targets, &grey)?;
             let what = if *relative { "relative " } else { "" };
             let line =
@@ -388,9 +391,9 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Diff { a, b, to, quiet } => {
             // Answer with the status of a test
             if *quiet {
-                progress::hush();
+                progress::set_quiet(true);
             } else if to.is_standard() {
-                return Err("a map on standard output needs -q".to_owned());
+                return Err("a map on standard output needs -q".into());
             }
             return diff([a, b], &to.targets(Format::Pgm, false)?);
         }
@@ -405,14 +408,14 @@ fn is_grey((format, _): &Target) -> bool {
     [Format::Pgm, Format::Png].contains(format)
 }
 
-fn write(targets: &[Target], image: &Image) -> Result<(), String> {
+fn write(targets: &[Target], image: &Image) -> Result<()> {
     targets.iter().try_for_each(|(format, target)| {
         target.write(&mut |out| format.write(image, out))
     })
 }
 
 /// What is to be seen of an image, perhaps without its filter.
-fn looked_at(path: &Path, no_filter: bool) -> Result<Image, String> {
+fn looked_at(path: &Path, no_filter: bool) -> Result<Image> {
     let mut image = read(path)?;
     image.more.retain(|(name, _)| !no_filter || *name == OPACITY);
     Ok(display::picture(image))
@@ -459,17 +462,17 @@ fn colours(bands: &[Image]) -> Image {
 const BAND_ERRORS: [&str; 3] = ["stderr.R", "stderr.G", "stderr.B"];
 
 /// Reads an image and warns of what is not as it should be.
-fn read(path: &Path) -> Result<Image, String> {
+fn read(path: &Path) -> Result<Image> {
     Image::read_noting(path, &mut progress::warn)
 }
 
 /// Prints lines on standard output, unless the reader has closed the pipe.
-fn say(lines: &str) -> Result<(), String> {
+fn say(lines: &str) -> Result<()> {
     OutputTarget::standard_output()?
         .write(&mut |out| writeln!(out, "{lines}"))
 }
 
-fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
+fn inform(files: &[PathBuf], json: bool) -> Result<()> {
     for path in files {
         let image = read(path)?;
         let facts = facts(path, &image);
@@ -549,11 +552,11 @@ fn range(values: &[f64]) -> Option<(f64, f64)> {
     Some((least, values.iter().copied().reduce(f64::max)?))
 }
 
-fn diff(files: [&PathBuf; 2], maps: &[Target]) -> Result<ExitCode, String> {
+fn diff(files: [&PathBuf; 2], maps: &[Target]) -> Result<ExitCode> {
     let (first, second) = (read(files[0])?, read(files[1])?);
     let difference = compare(&first, &second).map_err(|fault| {
         let [a, b] = files.map(|path| path.display());
-        format!("{a} and {b}: {fault}")
+        fault.of_file(format!("{a} and {b}"))
     })?;
     for map in maps {
         let image = display::z_map(&first, &difference, is_grey(map));
@@ -572,7 +575,7 @@ fn diff(files: [&PathBuf; 2], maps: &[Target]) -> Result<ExitCode, String> {
             if image.errors.is_none() {
                 let name = path.display();
                 lines.push(format!(
-                    "{name}: no errors; it is taken as exact"
+                    "{name}: no error estimates; treated as exact"
                 ));
             }
         }

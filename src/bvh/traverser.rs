@@ -5,7 +5,6 @@
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
-use std::io;
 use std::marker::PhantomData;
 
 use super::beam;
@@ -19,6 +18,7 @@ use super::spawn::hit;
 use super::traversal::{Portable, walk};
 use super::triangle::NONE;
 use super::wide::Wide;
+use crate::error::{Error, Result};
 use crate::scene::{Ray, Triangles};
 
 /// A hierarchy on a processor that has the instructions `K`.
@@ -37,11 +37,10 @@ impl<K, const N: usize> Traverser<K, N> {
     /// The processor has the instructions.
     pub unsafe fn new(
         (triangles, quality, placed): (Triangles, Quality, &dyn Fn(usize)),
-    ) -> io::Result<Self> {
+    ) -> Result<Self> {
         let wide = Wide::new(triangles, quality, placed);
         let wide = wide.map_err(|error| {
-            let text = format!("no room for the hierarchy: {error}");
-            io::Error::new(error.kind(), text)
+            Error::Memory(format!("no room for the hierarchy: {error}"))
         })?;
         Ok(Self { wide, ground: None, kernel: PhantomData })
     }

@@ -6,12 +6,14 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Blocks, Difference};
+use crate::error::{Error, Result};
 use crate::image::levels::radiance;
 use crate::image::{FILTERED, Image, OPACITY};
 use crate::sky::Sky;
 
 /// How radiances brighter than white are treated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Curve {
     /// Cut off what is brighter than white
     Clamp,
@@ -80,13 +82,16 @@ impl Exposure {
     ///
     /// # Errors
     /// It is neither.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    pub fn parse(text: &str) -> Result<Self> {
         let stops =
             text.parse().ok().filter(|stops: &f64| stops.is_finite());
         match (text, stops) {
             ("auto", _) => Ok(Self::Auto),
             (_, Some(stops)) => Ok(Self::Stops(stops)),
-            _ => Err("expected a number of stops, or auto".to_owned()),
+            _ => {
+                let fault = "expected a number of stops, or auto";
+                Err(Error::value("exposure", text, fault))
+            }
         }
     }
 
@@ -125,10 +130,7 @@ pub fn seeming_surfaces(
 ///
 /// # Errors
 /// The image does not say its errors, or none is known.
-pub fn errors(
-    image: &Image,
-    relative: bool,
-) -> Result<(Image, f64), String> {
+pub fn errors(image: &Image, relative: bool) -> Result<(Image, f64)> {
     let errors = image.errors.as_ref();
     let errors = errors.ok_or("it has no channel stderr.Y")?;
     // Divide the errors by the means

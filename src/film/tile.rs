@@ -10,6 +10,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Error, Result};
+
 /// Width and height of a tile of an image in pixels.
 pub const SIDE: u32 = 16;
 
@@ -58,13 +60,15 @@ impl From<Window> for String {
 }
 
 impl TryFrom<String> for Window {
-    type Error = String;
+    type Error = Error;
 
-    fn try_from(text: String) -> Result<Self, String> {
+    fn try_from(text: String) -> Result<Self> {
         let syntax = "expected a pixel and a size, as in 100,50,64x48";
+        let fault = || Error::value("window", &text, syntax);
         let parts: Vec<&str> = text.split(',').collect();
-        let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
-        let corner = digits(x).ok().zip(digits(y).ok()).ok_or(syntax)?;
+        let [x, y, size] = parts[..] else { return Err(fault()) };
+        let corner = digits(x).ok().zip(digits(y).ok());
+        let corner = corner.ok_or_else(fault)?;
         Ok(Self { corner, size: parse_size(size)? })
     }
 }
@@ -73,15 +77,18 @@ impl TryFrom<String> for Window {
 ///
 /// # Errors
 /// The text is another, or a side is out of range.
-pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
+pub fn parse_size(text: &str) -> Result<(u32, u32)> {
     let side =
         |text| digits(text).ok().filter(|n| (1..=MAX_SIDE).contains(n));
     let size = text.split_once('x');
     let size = size.and_then(|(w, h)| side(w).zip(side(h)));
-    size.ok_or(format!(
-        "expected two positive integers around one x, as in 800x600, \
-         at most {MAX_SIDE} pixels a side"
-    ))
+    let syntax = || {
+        format!(
+            "expected two positive integers around one x, as in 800x600, \
+             at most {MAX_SIDE} pixels a side"
+        )
+    };
+    size.ok_or_else(|| Error::value("size", text, syntax()))
 }
 
 /// The most pixels that an image is wide or high.

@@ -30,6 +30,7 @@ use rayon::prelude::*;
 
 use super::data::{BANDS, FILTERED, Image, Note, OPACITY, Source, room};
 use super::levels::{COLOURS, luminance};
+use crate::error::Result;
 use crate::film::Window;
 
 /// Writes all that the image holds.
@@ -214,8 +215,8 @@ fn checksum(file: &[u8]) -> Option<(Range<usize>, String)> {
 ///
 /// # Errors
 /// The file is damaged, or it has neither in full size.
-pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
-    refuse_lies(bytes)?;
+pub fn read(bytes: &[u8], note: Note) -> Result<Image> {
+    check_size(bytes)?;
     // Decode the first layer of the file
     let film = exr::prelude::read()
         .no_deep_data()
@@ -289,7 +290,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
 }
 
 /// Refuses a header that promises more pixels than the file can hold.
-fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
+fn check_size(bytes: &[u8]) -> Result<()> {
     let meta = MetaData::read_from_buffered(bytes, false)
         .map_err(|error| error.to_string())?;
     for header in &meta.headers {
@@ -304,7 +305,8 @@ fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
                     "its header says a window of {width} by {height} pixels, \
                      which a file of {} bytes cannot have",
                     bytes.len()
-                ));
+                )
+                .into());
             }
         }
     }

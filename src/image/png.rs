@@ -10,6 +10,7 @@ use png::{SrgbRenderingIntent, Transformations};
 
 use super::data::{Image, Note, Source, room};
 use super::levels::{LEVELS, luminance, radiance, whole, write_levels};
+use crate::error::Result;
 use crate::film::Window;
 
 /// Writes what a screen shows as 65536 levels, encoded by the sRGB curve.
@@ -43,14 +44,14 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
 ///
 /// # Errors
 /// The file is damaged.
-pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
+pub fn read(bytes: &[u8], note: Note) -> Result<Image> {
     let mut decoder = Decoder::new(Cursor::new(bytes));
     decoder.set_transformations(Transformations::EXPAND);
     let fault = |error: png::DecodingError| error.to_string();
     let mut reader = decoder.read_info().map_err(fault)?;
     let size = reader.output_buffer_size();
     let size = size.filter(|&size| room(size as u128, bytes.len()));
-    let mut levels = vec![0; size.ok_or("its size is a lie")?];
+    let mut levels = vec![0; size.ok_or("header size exceeds the file")?];
     let gamma = gamma(reader.info(), note);
     let frame = reader.next_frame(&mut levels).map_err(fault)?;
     // Undo the curve for the levels of a PNG file

@@ -9,6 +9,7 @@ use std::iter;
 
 use super::data::{Image, Note, Source, write_rows};
 use super::levels::{self, COLOURS, LEVELS, luminance, radiance, whole};
+use crate::error::Result;
 
 /// Writes the means as 256 levels, encoded by the sRGB curve.
 pub fn write_levels(
@@ -44,7 +45,7 @@ pub fn write_numbers(
 /// # Errors
 /// The header is damaged, or there are fewer pixels than it says, or
 /// more in the plain variant.
-pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
+pub fn read(mut bytes: &[u8], note: Note) -> Result<Image> {
     let mut next = || word(&mut bytes).ok_or("its header is damaged");
     let (kind, width, height, unit) = (next()?, next()?, next()?, next()?);
     // Take the size and the unit from the header
@@ -65,7 +66,7 @@ pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
         "Pf" => (1, 4),
         "PF" => (3, 4),
         "PF4" => (4, 4),
-        _ => return Err(format!("its kind is {kind}, not PF")),
+        _ => return Err(format!("its kind is {kind}, not PF").into()),
     };
     let promised =
         channels as u128 * u128::from(width) * u128::from(height);
@@ -79,7 +80,8 @@ pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
     };
     let held = words.len();
     if held as u128 != promised {
-        return Err(format!("it has {held} levels, and says {promised}"));
+        let fault = format!("it has {held} levels, and says {promised}");
+        return Err(fault.into());
     }
     // Turn the words into means
     let real = |bits| f64::from(f32::from_bits(bits)) * unit.abs();
@@ -128,7 +130,7 @@ fn raster<'a>(
     rest: &'a [u8],
     promised: u128,
     note: Note,
-) -> Result<&'a [u8], String> {
+) -> Result<&'a [u8]> {
     let size = usize::try_from(promised).unwrap_or(usize::MAX);
     // Find the end of the header by the length of the file
     let most = rest.len().saturating_sub(size);

@@ -11,6 +11,7 @@ use super::plot::plot;
 use super::result::{Report, as_typed, known, with_error};
 use crate::compare::display::{Curve, errors, shrink, tonemap};
 use crate::image::{Format, Image};
+use crate::key::entries;
 use crate::render_loop::CurvePoint;
 
 /// The page of a run and its image.
@@ -34,9 +35,10 @@ pub fn page(report: &Report, image: &Image) -> String {
         ("SHA-256", &report.scene.sha256),
     ];
     let origin = origin.map(|(name, text)| (name, text.clone()));
-    let settings = report.settings.iter();
-    let settings =
-        settings.map(|(name, value)| (&name[..], value_of(name, value)));
+    let settings = entries(&report.settings);
+    let settings = settings
+        .iter()
+        .map(|(name, value)| (&name[..], value_of(name, value)));
     let markup = html! {
         (DOCTYPE)
         html lang="en-GB" {

@@ -8,12 +8,13 @@ use std::{env, fs};
 
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::analysis::Finding;
 use crate::film::{ErrorNorm, Film};
 use crate::filter::PictureError;
-use crate::progress::metric;
+use crate::key::{Part, Subject};
+use crate::render::choose::Method;
 use crate::render_loop::{Convergence, CurvePoint, Limits, Stop};
 
 /// The file of a scene.
@@ -25,6 +26,66 @@ pub struct SceneFile {
     pub sha256: String,
     /// The number of its triangles.
     pub triangles: u64,
+}
+
+/// How a run was made; what is not known is none.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// What was shown.
+    #[serde(flatten)]
+    pub subject: Option<Subject>,
+    /// How well the hierarchy was built.
+    pub hierarchy: Option<String>,
+    /// What has chosen all random numbers.
+    pub seed: u64,
+    /// Samples of each pixel that were asked for.
+    pub spp: Option<u64>,
+    /// The limit of time in seconds.
+    pub time: Option<f64>,
+    /// The error that was asked for.
+    pub error: Option<f64>,
+    /// The image that true errors are computed from.
+    pub reference: Option<String>,
+    /// The instructions that have traced rays.
+    pub isa: Option<String>,
+    /// The number of threads.
+    pub threads: Option<usize>,
+    /// How samples were made.
+    pub integrator: Method,
+    /// What a pilot has found, if it has chosen that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub choice: Option<String>,
+    /// The part of the run, if it is not all of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<Part>,
+    /// The samples that no state holds, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub missing: Option<String>,
+}
+
+/// Forgets what differs from another value.
+fn keep_common<T: PartialEq>(value: &mut Option<T>, other: &Option<T>) {
+    if value != other {
+        *value = None;
+    }
+}
+
+impl Settings {
+    /// Whether receivers have values, and there is no image.
+    fn has_receivers(&self) -> bool {
+        self.subject.as_ref().is_some_and(|s| s.sensed.is_list())
+    }
+
+    /// Forgets what was otherwise for another part of the run.
+    fn keep_common(&mut self, part: &Self) {
+        keep_common(&mut self.hierarchy, &part.hierarchy);
+        keep_common(&mut self.time, &part.time);
+        keep_common(&mut self.error, &part.error);
+        keep_common(&mut self.reference, &part.reference);
+        keep_common(&mut self.isa, &part.isa);
+        keep_common(&mut self.threads, &part.threads);
+        keep_common(&mut self.choice, &part.choice);
+    }
 }
 
 /// What is known of a run, at its end or while it goes on.
@@ -40,8 +101,8 @@ pub struct Report {
     pub processor: String,
     /// What was rendered.
     pub scene: SceneFile,
-    /// Each option and its value.
-    pub settings: Map<String, Value>,
+    /// How it was made.
+    pub settings: Settings,
     /// What was left out because the scene does not need it, and why.
     pub left_out: Vec<Finding>,
     /// Seconds to read the scene.
@@ -92,11 +153,7 @@ impl Report {
     pub fn add(&mut self, part: &Self) {
         self.load_seconds += part.load_seconds;
         self.build_seconds += part.build_seconds;
-        for (name, value) in &mut self.settings {
-            if part.settings.get(name) != Some(value) {
-                *value = Value::Null;
-            }
-        }
+        self.settings.keep_common(&part.settings);
     }
 }
 
@@ -129,15 +186,14 @@ impl Report {
     /// What a person wants to know of a run of so many pixels: a table
     /// of names and what is said of them.
     pub fn summary(&self, pixels: u64) -> Vec<(&'static str, String)> {
-        let said = |name| self.settings.get(name).and_then(Value::as_str);
-        let integrator = said("integrator").unwrap_or("reference");
+        let Settings { integrator, hierarchy, isa, .. } = &self.settings;
         // Say what the run has cost
         let &Convergence { seconds, rays, .. } = &self.convergence;
         let speed = metric(rays as f64 / seconds.max(1e-9));
         let render = format!(
             "{seconds:.3} s, {rays} rays, {speed}rays/s ({integrator})"
         );
-        let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
+        let bvh = [hierarchy, isa].into_iter().flatten().cloned();
         let count = self.scene.triangles;
         let s = if count == 1 { "" } else { "s" };
         let scene = format!(
@@ -164,17 +220,18 @@ impl Report {
         if let Some(stops) = self.exposure {
             lines.push(("exposure", format!("{stops:+} stops in .png")));
         } else if self.is_dark {
-            let hint = "nine tenths of the picture are below 0.1 (--exposure auto)";
+            let hint = "90 % of the pixels are below 0.1 (--exposure auto)";
             lines.push(("exposure", hint.to_owned()));
         }
-        let why = said("choice").filter(|_| integrator != "reference");
-        lines.extend(why.map(|why| ("method", why.to_owned())));
+        let why = self.settings.choice.clone();
+        let why = why.filter(|_| *integrator != Method::Reference);
+        lines.extend(why.map(|why| ("method", why)));
         for Finding { name, reason, .. } in &self.left_out {
             lines.push(("left out", format!("{name}: {reason}")));
         }
         let constant = self.convergence.constant_pixels;
         if 0 < constant && constant < pixels {
-            let errors = match self.settings.contains_key("receivers") {
+            let errors = match self.settings.has_receivers() {
                 true => "they may not be exact",
                 false => "their errors come from their neighbours",
             };
@@ -205,7 +262,7 @@ impl Report {
             );
         }
         let mean = with_error(last.mean, last.mean_stderr);
-        let value = match self.settings.contains_key("receivers") {
+        let value = match self.settings.has_receivers() {
             true => "irradiance",
             false => "radiance",
         };
@@ -225,18 +282,17 @@ impl Report {
         let Convergence { spp: there, stopped, .. } = self.convergence;
         let rmse = self.convergence.last().judged(self.measure);
         let mut text = match stopped {
-            None => return "goes on; this is what is known".to_owned(),
+            None => return "still running".to_owned(),
             Some(Stop::Signal(_)) => "stopped by a signal".to_owned(),
             Some(limit) => {
                 format!("stopped by {}", as_typed(&json!(limit)))
             }
         };
-        let asked = |name| self.settings.get(name)?.as_f64();
-        if let Some(spp) = asked("spp") {
+        if let Some(spp) = self.settings.spp {
             text += &format!("; {there} of {spp} spp");
         }
         // Hold the error against its target
-        if let Some(target) = asked("error") {
+        if let Some(target) = self.settings.error {
             let small = rmse.is_some_and(|rmse| rmse <= target);
             let met = small || stopped == Some(Stop::Error);
             let ErrorNorm { relative, largest } = self.measure;
@@ -258,6 +314,15 @@ pub fn known(x: Option<f64>, decimals: usize) -> String {
     match x.filter(|x| x.is_finite()) {
         Some(x) => format!("{x:.*}", places(x, decimals)),
         None => "unknown".to_owned(),
+    }
+}
+
+/// A number to two decimals with a metric prefix, as in `1.25 M`.
+pub fn metric(x: f64) -> String {
+    let scales = [(1e9, "G"), (1e6, "M"), (1e3, "k")];
+    match scales.iter().find(|(scale, _)| x >= 0.9995 * scale) {
+        Some((scale, prefix)) => format!("{:.2} {prefix}", x / scale),
+        None => format!("{x:.0} "),
     }
 }
 

@@ -9,17 +9,19 @@ use std::io::{self, Read};
 use flate2::bufread::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
+use crate::error::{Diagnostic, Result};
+
 /// The text of a file, decompressed if it begins as gzip or zstd do, and in
 /// UTF-8 if it begins with a mark of UTF-16; a warning tells what was left
-/// out. Messages begin with a colon.
+/// out.
 ///
 /// # Errors
 /// Compressed files that are damaged or cut short, those of other formats,
 /// and UTF-16 that ends within a character.
 pub fn text<'a>(
     source: &'a [u8],
-    warnings: &mut Vec<String>,
-) -> Result<Cow<'a, [u8]>, String> {
+    warnings: &mut Vec<Diagnostic>,
+) -> Result<Cow<'a, [u8]>> {
     let mut bytes = Cow::Borrowed(source);
     for _ in 0..2 {
         if let Some(kind @ ("gzip" | "zstd")) = format(&bytes) {
@@ -30,7 +32,7 @@ pub fn text<'a>(
         None => Ok(bytes),
         Some("UTF-16") => Ok(utf_8(&bytes)?.into()),
         Some(kind) => {
-            Err(format!(": the format is {kind}: unpack it first"))
+            Err(format!("the format is {kind}: unpack it first").into())
         }
     }
 }
@@ -103,8 +105,8 @@ fn unzstd(rest: &mut &[u8], text: &mut Vec<u8>) -> io::Result<usize> {
 fn unpack(
     kind: &str,
     source: &[u8],
-    warnings: &mut Vec<String>,
-) -> Result<Vec<u8>, String> {
+    warnings: &mut Vec<Diagnostic>,
+) -> Result<Vec<u8>> {
     let (mut all, mut rest) = (Vec::new(), source);
     for part in 1.. {
         let zeros = rest.iter().take_while(|byte| **byte == 0);
@@ -117,14 +119,14 @@ fn unpack(
             _ if kind == "zstd" => Err(io::Error::other("no frame")),
             _ => {
                 let what =
-                    format!(": no gzip from byte {begin} on: left out");
-                warnings.push(what);
+                    format!("no gzip from byte {begin} on: left out");
+                warnings.push(what.into());
                 break;
             }
         };
         let at = source.len() - rest.len();
         let place = format!("at byte {at} in part {part}, from {begin} on");
-        let faulty = |e| format!(": the {kind} file {} {place}", fault(&e));
+        let faulty = |e| format!("the {kind} file {} {place}", fault(&e));
         unpacked.map_err(faulty)?;
     }
     Ok(all)
@@ -144,9 +146,9 @@ fn fault(error: &io::Error) -> &'static str {
 }
 
 /// The text of pairs of bytes that are UTF-16.
-fn utf_8(bytes: &[u8]) -> Result<Vec<u8>, String> {
+fn utf_8(bytes: &[u8]) -> Result<Vec<u8>> {
     let (pairs, []) = bytes.as_chunks::<2>() else {
-        return Err(": the UTF-16 text ends within a letter".to_owned());
+        return Err("the UTF-16 text ends within a letter".into());
     };
     let is_big = bytes.starts_with(&[0xfe]);
     let unit = if is_big { u16::from_be_bytes } else { u16::from_le_bytes };

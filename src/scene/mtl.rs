@@ -10,6 +10,7 @@ use std::collections::btree_map::{BTreeMap, Entry};
 
 use super::encoding::{self, quoted};
 use super::text::*;
+use crate::error::{Diagnostic, Result};
 
 /// What libraries say of the materials of a scene.
 #[derive(Default)]
@@ -18,41 +19,42 @@ pub struct Library {
     pub diffuse: BTreeMap<String, [f64; 3]>,
     /// For each kind of what is not rendered, a message that tells of the
     /// first statement, and their number.
-    pub told: BTreeMap<&'static str, (String, usize)>,
+    pub ignored: BTreeMap<&'static str, (Diagnostic, usize)>,
     /// Other messages.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Diagnostic>,
 }
 
 /// Reads a library, called `file`, of which a scene uses some materials.
 ///
 /// # Errors
 /// Those of `encoding::text`, a zero byte, or a `Kd` that is not one number
-/// or three from 0 to 1; to be put behind the name of the file.
+/// or three from 0 to 1.
 pub fn read_mtl(
     source: &[u8],
     file: &str,
     used: &BTreeSet<&str>,
     all: &mut Library,
-) -> Result<(), String> {
+) -> Result<()> {
     let mut odd = vec![];
     let text = encoding::text(source, &mut odd)?;
     let text = &join(plain(&text)?)[..];
-    all.warnings.extend(odd.iter().map(|odd| format!("{file}{odd}")));
+    all.warnings.extend(odd.into_iter().map(|odd| odd.of_file(file)));
     let mut material = String::new();
     for line in lines(text) {
         if name(line) == b"newmtl" {
             material = rest(line);
         } else if used.contains(&material[..]) {
             // Read a statement of a material
-            let at = |what: String| at(text, line, &what);
             let kd = all.diffuse.entry(material.clone());
-            let Some(kind) = judge(line, kd).map_err(at)? else { continue };
+            let judged = judge(line, kd);
+            let judged = judged.map_err(|what| at(text, line, what))?;
+            let Some(kind) = judged else { continue };
             let first = || {
                 let m = quoted(&material);
                 let what = format!("material {m} is {kind}, not rendered");
-                (file.to_owned() + &at(what), 0)
+                (at(text, line, what).of_file(file), 0)
             };
-            all.told.entry(kind).or_insert_with(first).1 += 1;
+            all.ignored.entry(kind).or_insert_with(first).1 += 1;
         }
     }
     Ok(())
@@ -63,7 +65,7 @@ pub fn read_mtl(
 fn judge(
     line: &[u8],
     kd: Entry<'_, String, [f64; 3]>,
-) -> Result<Option<&'static str>, String> {
+) -> Result<Option<&'static str>> {
     let word = String::from_utf8_lossy(name(line)).to_ascii_lowercase();
     let map = word.strip_prefix("map_");
     let text = rest(if map.is_some() { line } else { said(line) });
@@ -85,7 +87,7 @@ fn judge(
 fn read_kd(
     text: &str,
     first: Entry<'_, String, [f64; 3]>,
-) -> Result<Option<&'static str>, String> {
+) -> Result<Option<&'static str>> {
     let other = text.to_ascii_lowercase();
     let numbers = text.split_whitespace().map(str::parse);
     let kd = match numbers.collect::<Result<Vec<f64>, _>>().as_deref() {
@@ -99,7 +101,7 @@ fn read_kd(
     if !kd.iter().all(|x| (0. ..=1.).contains(x)) {
         let (name, text) = (quoted(first.key()), quoted(text));
         let what = "expected one number from 0 to 1, or three, and not";
-        return Err(format!("material {name}: {what} 'Kd {text}'"));
+        return Err(format!("material {name}: {what} 'Kd {text}'").into());
     }
     let is_other = *first.or_insert(kd) != kd;
     Ok(is_other.then_some("given another Kd"))

@@ -13,6 +13,7 @@ use super::encoding::{self, quoted};
 use super::mesh::{Mark, MarkKind, Mesh};
 use super::polygons;
 use super::text::*;
+use crate::error::{Diagnostic, Error, Result};
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
@@ -23,24 +24,23 @@ use super::text::*;
 /// fewer than three corners or with corners that do not exist or are not
 /// finite, more vertices than 32 bits can count or triangles than 30,
 /// compressed files that are damaged.
-pub fn read_obj(source: &[u8]) -> Result<Mesh, String> {
-    let read = read_file(source);
-    read.map(|(mesh, _)| mesh).map_err(|error| format!("OBJ{error}"))
+pub fn read_obj(source: &[u8]) -> Result<Mesh> {
+    read_file(source).map(|(mesh, _)| mesh)
 }
 
-/// The same as `read_obj`, with warnings, made like errors: of faces that
-/// are no polygons, and of what is in the file but not in the mesh.
+/// The same as `read_obj`, with warnings: of faces that are no polygons,
+/// and of what is in the file but not in the mesh.
 ///
 /// # Errors
-/// Those of `read_obj`, to be put behind the name of the file: `:7: ` and
-/// what is wrong in line 7, or `: ` and what is wrong with all of it.
-pub fn read_file(source: &[u8]) -> Result<(Mesh, Vec<String>), String> {
+/// Those of `read_obj`.
+pub fn read_file(source: &[u8]) -> Result<(Mesh, Vec<Diagnostic>)> {
     read_pieces(source, PIECE).map_err(|fault| {
         let text = encoding::text(source, &mut vec![]);
         let kind = text.ok().and_then(|text| encoding::foreign(&text));
         kind.map_or(fault, |kind| {
             let hint = "convert it, for example with Blender";
-            format!(": the format is {kind}, not Wavefront OBJ: {hint}")
+            format!("the format is {kind}, not Wavefront OBJ: {hint}")
+                .into()
         })
     })
 }
@@ -60,11 +60,11 @@ pub fn begins_obj(start: &[u8]) -> bool {
 pub fn read_pieces(
     source: &[u8],
     size: usize,
-) -> Result<(Mesh, Vec<String>), String> {
+) -> Result<(Mesh, Vec<Diagnostic>)> {
     let mut warnings = vec![];
     let text = encoding::text(source, &mut warnings)?;
     if text.is_empty() {
-        return Err(": the file is empty; an OBJ was expected".to_owned());
+        return Err("the file is empty; an OBJ was expected".into());
     }
     let text = &join(plain(&text)?);
     let pieces = cut(text, size);
@@ -82,13 +82,13 @@ pub fn read_pieces(
         let name = quoted(&String::from_utf8_lossy(name(first)));
         let what = "statements that are not rendered";
         let what = format!("{name}, the first of {} {what}", unused.len());
-        warnings.push(at(text, first, &what));
+        warnings.push(at(text, first, what));
     }
     // Read each piece into a mesh
     let read = |(&piece, first)| read_piece(piece, [first, total]);
     let parts: Vec<_> = pieces.par_iter().zip(before).map(read).collect();
     let parts = parts.into_iter().collect::<Result<Vec<_>, _>>();
-    let parts = parts.map_err(|(line, what)| at(text, line, &what))?;
+    let parts = parts.map_err(|(line, what)| at(text, line, what))?;
     // Put the meshes one behind the other
     let count = parts.iter().map(|part| part.triangles.len()).sum();
     countable(total.max(count))?;
@@ -105,10 +105,9 @@ pub fn read_pieces(
         mesh.triangles.append(&mut part.triangles);
     }
     if mesh.triangles.is_empty() {
-        return Err(
-            ": no face, hence nothing to render; is it a Wavefront OBJ?"
-                .to_owned(),
-        );
+        let what =
+            "no face, hence nothing to render; is it a Wavefront OBJ?";
+        return Err(what.into());
     }
     warnings.extend(set_aside(text, &mut mesh)?);
     // Fill the faces, and warn of odd ones
@@ -117,7 +116,7 @@ pub fn read_pieces(
         let what =
             "odd faces, bent or crossed; other programs may fill them";
         let what = format!("the first of {} {what} differently", odd.len());
-        warnings.push(at(text, find(text, b"f", face as usize), &what));
+        warnings.push(at(text, find(text, b"f", face as usize), what));
     }
     Ok((mesh, warnings))
 }
@@ -129,7 +128,7 @@ pub fn read_pieces(
 fn set_aside(
     text: &[u8],
     Mesh { vertices, triangles, joined, .. }: &mut Mesh,
-) -> Result<Option<String>, String> {
+) -> Result<Option<Diagnostic>> {
     let wrong = vertices.par_iter().positions(|p| !p.is_finite());
     let wrong: Vec<_> = wrong.collect();
     let Some(&first) = wrong.first() else { return Ok(None) };
@@ -143,12 +142,12 @@ fn set_aside(
         let line = number(text, vertex);
         let what = quoted(&what);
         let what = format!("a corner is not finite: line {line} is {what}");
-        return Err(at(text, find(text, b"f", face), &what));
+        return Err(at(text, find(text, b"f", face), what).into());
     }
     wrong.iter().for_each(|&i| vertices[i] = DVec3::ZERO);
     let what = "vertices that are not finite, and in no face";
     let what = format!("the first of {} {what}", wrong.len());
-    Ok(Some(at(text, find(text, b"v", first), &what)))
+    Ok(Some(at(text, find(text, b"v", first), what)))
 }
 
 /// The statement of this name with a number from 0.
@@ -158,10 +157,10 @@ fn find<'a>(text: &'a [u8], named: &[u8], number: usize) -> &'a [u8] {
 }
 
 /// Refuses more elements than can be named.
-fn countable(n: usize) -> Result<(), String> {
+fn countable(n: usize) -> Result<()> {
     let what = "vertices or triangles, of which only";
-    let what = format!(": {n} {what} {MOST} can be numbered");
-    (n <= MOST).then_some(()).ok_or(what)
+    let what = || format!("{n} {what} {MOST} can be numbered");
+    Ok((n <= MOST).then_some(()).ok_or_else(what)?)
 }
 
 /// Of each at most: a leaf has 30 bits for the number of a face.
@@ -212,7 +211,7 @@ fn cut(mut text: &[u8], size: usize) -> Vec<&[u8]> {
 fn read_piece(
     piece: &[u8],
     [first, total]: [usize; 2],
-) -> Result<Mesh, (&[u8], String)> {
+) -> Result<Mesh, (&[u8], Error)> {
     let mut mesh = Mesh::default();
     for line in lines(piece) {
         let vertices = [first + mesh.vertices.len(), total];
@@ -226,7 +225,7 @@ fn read_statement(
     text: &[u8],
     vertices: [usize; 2],
     mesh: &mut Mesh,
-) -> Result<(), String> {
+) -> Result<()> {
     let kind = match name(text) {
         b"v" | b"f" => None,
         b"o" => Some(MarkKind::Object),
@@ -254,7 +253,7 @@ fn read_element<'a>(
     mut words: impl Iterator<Item = &'a str>,
     vertices: [usize; 2],
     mesh: &mut Mesh,
-) -> Result<(), String> {
+) -> Result<()> {
     match words.next() {
         Some("v") => read_vertex(words).map(|p| mesh.vertices.push(p)),
         _ => read_face(words, vertices, mesh),
@@ -263,7 +262,7 @@ fn read_element<'a>(
 
 fn read_vertex<'a>(
     mut words: impl Iterator<Item = &'a str>,
-) -> Result<DVec3, String> {
+) -> Result<DVec3> {
     let mut position = [0.; 3];
     for (axis, value) in ["x", "y", "z"].iter().zip(&mut position) {
         let none = || format!("a vertex without {axis}");
@@ -272,7 +271,7 @@ fn read_vertex<'a>(
         *value = word.parse().map_err(wrong)?;
     }
     match words.find(|word| word.parse::<f64>().is_err()) {
-        Some(word) => Err(format!("{} is no number", quoted(word))),
+        Some(word) => Err(format!("{} is no number", quoted(word)).into()),
         None => Ok(position.into()),
     }
 }
@@ -282,7 +281,7 @@ fn read_face<'a>(
     words: impl Iterator<Item = &'a str>,
     vertices: [usize; 2],
     mesh: &mut Mesh,
-) -> Result<(), String> {
+) -> Result<()> {
     let (mut n, mut fan) = (0, [0; 3]);
     for word in words {
         let corner = read_corner(word, vertices)?;
@@ -296,16 +295,15 @@ fn read_face<'a>(
         }
     }
     match n {
-        0..3 => Err(format!("a face of {n} corners; it needs three")),
+        0..3 => {
+            Err(format!("a face of {n} corners; it needs three").into())
+        }
         _ => Ok(()),
     }
 }
 
 /// The vertex that a corner names, counted from 0.
-fn read_corner(
-    word: &str,
-    [so_far, total]: [usize; 2],
-) -> Result<u32, String> {
+fn read_corner(word: &str, [so_far, total]: [usize; 2]) -> Result<u32> {
     let slash = word.bytes().position(|c| c == b'/');
     let (digits, others) =
         slash.map_or((word, ""), |n| (&word[..n], &word[n + 1..]));
@@ -313,20 +311,21 @@ fn read_corner(
     let is_number = |n: &str| n.is_empty() || n.parse::<i64>().is_ok();
     if !others.is_empty() && !others.splitn(2, '/').all(is_number) {
         let word = quoted(word);
-        return Err(format!("corner {word} is not of the form 1/2/3"));
+        return Err(
+            format!("corner {word} is not of the form 1/2/3").into()
+        );
     }
-    match digits.parse::<i64>() {
-        Err(_) => {
-            Err(format!("corner {} is no vertex number", quoted(word)))
-        }
-        Ok(0) => Err("vertices are counted from 1, not from 0".to_owned()),
+    Err(match digits.parse::<i64>() {
+        Err(_) => format!("corner {} is no vertex number", quoted(word)),
+        Ok(0) => "vertices are counted from 1, not from 0".to_owned(),
         Ok(n) if n > total as i64 => {
-            Err(format!("corner {n}, but only {total} vertices"))
+            format!("corner {n}, but only {total} vertices")
         }
-        Ok(n @ 1..) => Ok((n - 1) as u32),
+        Ok(n @ 1..) => return Ok((n - 1) as u32),
         Ok(n) if n < -(so_far as i64) => {
-            Err(format!("corner {n}, but only {so_far} vertices so far"))
+            format!("corner {n}, but only {so_far} vertices so far")
         }
-        Ok(n) => Ok((so_far as i64 + n) as u32),
+        Ok(n) => return Ok((so_far as i64 + n) as u32),
     }
+    .into())
 }

@@ -4,22 +4,24 @@
 //! From the text of an OBJ, or of a library of materials, to its statements.
 
 use std::borrow::Cow;
+use std::fmt::Display;
 
 use memchr::{memchr, memchr_iter, memchr2_iter, memchr3_iter};
 
 use super::encoding::shortened;
+use crate::error::{Diagnostic, Result};
 
 /// The text without zeros, marks and blanks behind it, if there is text.
 ///
 /// # Errors
 /// There is a zero byte in it.
-pub fn plain(source: &[u8]) -> Result<&[u8], String> {
+pub fn plain(source: &[u8]) -> Result<&[u8]> {
     let pads = |c: &u8| matches!(*c, 0 | END) || c.is_ascii_whitespace();
     let end = source.iter().rposition(|c| !pads(c));
     let source = &source[..end.map_or(source.len(), |last| last + 1)];
     let Some(zero) = memchr(0, source) else { return Ok(source) };
     let what = "a zero byte: this is a binary file, not text";
-    Err(at(source, &source[..zero], what))
+    Err(at(source, &source[..zero], what).into())
 }
 
 /// Ctrl-Z, the end of a text under CP/M and DOS.
@@ -99,7 +101,8 @@ pub fn number(text: &[u8], line: &[u8]) -> usize {
     1 + ends.filter(|&i| !text[i..].starts_with(b"\r\n")).count()
 }
 
-/// What is wrong with a line, as it follows the name of the file.
-pub fn at(text: &[u8], line: &[u8], what: &str) -> String {
-    format!(":{}: {}", number(text, line), shortened(what))
+/// A message about a line, which is a part of `text`.
+pub fn at(text: &[u8], line: &[u8], what: impl Display) -> Diagnostic {
+    let line = Some(number(text, line));
+    Diagnostic { line, ..shortened(&what.to_string()).into() }
 }

@@ -7,8 +7,10 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::camera::typed;
+use crate::error::{Diagnostic, Error, Result};
 use crate::film::{Film, NEIGHBOUR_WEIGHT};
 use crate::materials::FaceAlbedos;
 use crate::numerics::{cross, normalise};
@@ -16,7 +18,7 @@ use crate::scene::{Mesh, Scene};
 use crate::sensor::{Oddity, Point, Receivers};
 
 /// Formats of tables.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TableFormat {
     /// Comma-separated values.
     Csv,
@@ -32,17 +34,17 @@ impl TableFormat {
     ///
     /// # Errors
     /// The extension is another, or not for these receivers.
-    pub fn of(path: &Path, has_vertices: bool) -> Result<Self, String> {
+    pub fn of(path: &Path, has_vertices: bool) -> Result<Self> {
         match path.extension().and_then(|e| e.to_str()) {
             Some("csv") => Ok(Self::Csv),
             Some("ply") => Ok(Self::Ply),
             Some("obj") if has_vertices => Ok(Self::Obj),
             None if path.as_os_str() == "-" => Ok(Self::Csv),
-            _ => Err(format!(
-                "{}: receivers have no image: expected .csv or .ply, or \
-                 .obj, which shows values of --vertices",
-                path.display()
-            )),
+            _ => Err(Error::from(
+                "receivers have no image: expected .csv or .ply, or .obj, \
+                 which shows values of --vertices",
+            )
+            .of_file(path.display())),
         }
     }
 }
@@ -76,7 +78,7 @@ pub struct Table {
     pub backs: &'static [bool],
     /// The scene, in the coordinates of the file, unless there are points.
     pub mesh: Mesh,
-    /// The name of the file that has the receivers, before a message.
+    /// The name of the file that has the receivers.
     pub file: String,
     /// The albedo of each face, if it is radiosity that is asked for.
     pub albedos: Option<FaceAlbedos>,
@@ -85,7 +87,7 @@ pub struct Table {
 }
 
 /// A value and its standard error, and the number of samples.
-type Value = ([f32; 2], f64);
+pub type Value = ([f32; 2], f64);
 
 /// A text as CSV has it.
 fn cell(text: &str) -> String {
@@ -115,12 +117,12 @@ impl Table {
     }
 
     /// How many of some receivers have no value, or a doubtful one, and why: a
-    /// line for each kind.
+    /// warning of each kind.
     pub fn odd(
         &self,
         receivers: &Receivers,
         is_told: impl Fn(Oddity, u32) -> bool,
-    ) -> Vec<String> {
+    ) -> Vec<Diagnostic> {
         let (all, name) = (receivers.asked, self.shape.name());
         let odd = receivers.odd.iter().filter(|(why, n)| is_told(*why, *n));
         let odd: Vec<_> = odd.copied().collect();
@@ -128,7 +130,10 @@ impl Table {
             let ((has_value, why), first) = kind[0];
             let value = if has_value { "a doubtful" } else { "no" };
             let (n, first) = (kind.len(), self.place(first as usize));
-            format!("{value} value for {n} of {all} {name}: {why}, the first {first}")
+            let text = format!(
+                "{value} value for {n} of {all} {name}: {why}, the first {first}"
+            );
+            Diagnostic::from(text).of_file(&self.file)
         });
         kinds.collect()
     }
@@ -155,7 +160,22 @@ impl Table {
         allocation: Option<&[u32]>,
         out: &mut dyn Write,
     ) -> io::Result<()> {
-        // Find the value of each receiver
+        let values = self.values(receivers, film, allocation);
+        match format {
+            TableFormat::Csv => self.csv(&values, out),
+            TableFormat::Ply => self.ply(&values, out),
+            TableFormat::Obj => self.obj(&values, out),
+        }
+    }
+
+    /// The value of each receiver that was asked for, its standard error, and
+    /// the number of its samples; NaN where there is none.
+    pub fn values(
+        &self,
+        receivers: &Receivers,
+        film: &Film,
+        allocation: Option<&[u32]>,
+    ) -> Vec<Value> {
         let mut values = vec![([f32::NAN; 2], 0.); receivers.asked];
         let window = film.window;
         let numbers = &receivers.numbers[window.corner.1 as usize..];
@@ -168,11 +188,7 @@ impl Table {
             let found = [mean, error].map(|x| (part * x) as f32);
             values[number as usize] = (found, count);
         }
-        match format {
-            TableFormat::Csv => self.csv(&values, out),
-            TableFormat::Ply => self.ply(&values, out),
-            TableFormat::Obj => self.obj(&values, out),
-        }
+        values
     }
 
     fn csv(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {

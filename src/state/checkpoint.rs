@@ -10,27 +10,28 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use sha2::{Digest, Sha256};
 
+use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::integrator::gather::Learnt;
+use crate::key::RunKey;
+use crate::plan::Plan;
 use crate::render_loop::Convergence;
 use crate::report::Report;
 use crate::scene::encoding::shortened;
-use crate::state::key::RunKey;
 use crate::state::learnt;
 
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 8\n";
+const MAGIC: &[u8] = b"litpt checkpoint 9\n";
 
 /// What is known of a run beside its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Known {
     /// What decides the samples.
     pub run_key: RunKey,
-    /// The options of the program.
-    pub options: Value,
+    /// What the run does; its files have full names.
+    pub plan: Plan,
     /// What is reported of it, with its convergence so far.
     pub report: Report,
     /// What was learnt, which is not in that line.
@@ -48,12 +49,13 @@ impl Known {
     ///
     /// # Errors
     /// It is; the first entry that differs is named.
-    pub fn belongs_to(&self, run_key: &RunKey) -> Result<(), String> {
+    pub fn belongs_to(&self, run_key: &RunKey) -> Result<()> {
         let differs = self.run_key.disagreement(run_key);
         differs.map_or(Ok(()), |(name, [theirs, ours])| {
-            Err(format!(
+            let fault = format!(
                 "belongs to another run: its {name} is {theirs}, not {ours}"
-            ))
+            );
+            Err(fault.into())
         })
     }
 }
@@ -98,7 +100,7 @@ impl Write for Checked<'_> {
 const CHECKSUM: u64 = 32;
 
 /// Reads through a checkpoint, and returns to the line of JSON.
-fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
+fn recognise(file: &mut (impl BufRead + Seek)) -> Result<()> {
     // Compare the first line
     let mut magic = vec![];
     let mut start = file.by_ref().take(MAGIC.len() as u64);
@@ -124,12 +126,14 @@ fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
     Ok(())
 }
 
-fn unreadable(error: io::Error) -> String {
-    format!("cannot read: {error}")
+fn unreadable(error: io::Error) -> Error {
+    format!("cannot read: {error}").into()
 }
 
 /// A checkpoint that is whole.
 pub struct Checkpoint<R = BufReader<File>> {
+    /// What it is called, for people.
+    pub name: String,
     /// What was known of its run.
     pub known: Known,
     /// The file from the first sum on, if it has any.
@@ -141,7 +145,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     ///
     /// # Errors
     /// The file is no checkpoint, or is damaged.
-    pub fn open(mut file: R) -> Result<Self, String> {
+    pub fn open(mut file: R) -> Result<Self> {
         recognise(&mut file)?;
         let mut line = vec![];
         file.read_until(b'\n', &mut line).map_err(unreadable)?;
@@ -150,7 +154,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         known.learnt = learnt::read(&mut file, &known.run_key)
             .map_err(|e| format!("what was learnt is damaged: {e}"))?;
         let sums = (!known.run_key.only_learns()).then_some(file);
-        Ok(Self { known, sums })
+        Ok(Self { name: String::new(), known, sums })
     }
 
     /// Fills the `film`, and returns the convergence so far.
@@ -162,9 +166,11 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         mut self,
         run_key: &RunKey,
         film: &mut Film,
-    ) -> Result<Convergence, String> {
-        self.known.belongs_to(run_key)?;
-        self.fill(film)?;
+    ) -> Result<Convergence> {
+        let name = self.name.clone();
+        let named = |fault: Error| fault.of_file(&name);
+        self.known.belongs_to(run_key).map_err(named)?;
+        self.fill(film).map_err(named)?;
         Ok(self.known.report.convergence)
     }
 
@@ -172,7 +178,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn fill(&mut self, film: &mut Film) -> Result<(), String> {
+    pub fn fill(&mut self, film: &mut Film) -> Result<()> {
         let sums = self.sums.as_mut();
         sums.map_or(Ok(()), |sums| film.read(sums)).map_err(unreadable)
     }
@@ -183,10 +189,14 @@ impl Checkpoint {
     ///
     /// # Errors
     /// Those of [`Checkpoint::open`], or the file cannot be read.
-    pub fn of_file(path: &Path) -> Result<Self, String> {
-        File::open(path)
+    pub fn of_file(path: &Path) -> Result<Self> {
+        let name = path.display().to_string();
+        let opened = File::open(path)
             .map_err(unreadable)
-            .and_then(|file| Self::open(BufReader::new(file)))
-            .map_err(|fault| format!("{}: {fault}", path.display()))
+            .and_then(|file| Self::open(BufReader::new(file)));
+        match opened {
+            Ok(state) => Ok(Self { name, ..state }),
+            Err(fault) => Err(fault.of_file(name)),
+        }
     }
 }

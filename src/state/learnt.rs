@@ -11,8 +11,8 @@ use bytemuck::{Pod, cast_slice, cast_slice_mut};
 
 use crate::integrator::gather::cache::{Grid, RadianceCache};
 use crate::integrator::gather::{Allocation, Learnt};
+use crate::key::RunKey;
 use crate::memory::zeroed;
-use crate::state::key::RunKey;
 
 /// Writes what was learnt, if anything was.
 pub fn write(

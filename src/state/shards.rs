@@ -7,14 +7,12 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
+use crate::error::Result;
 use crate::film::{Film, Window};
 use crate::image::extension;
+use crate::key::Part;
 use crate::render_loop::{Convergence, Limits, Stop};
-use crate::report::Report;
 use crate::state::checkpoint::{Checkpoint, Known};
-use crate::state::key::Part;
 
 /// Whether a file of this name is to hold the state of a run.
 pub fn is_state_name(path: &Path) -> bool {
@@ -63,7 +61,7 @@ pub struct Merged {
 /// # Errors
 /// A file is no state, or is damaged; two of them are not of one run, have
 /// not learnt the same, or hold the same samples.
-pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
+pub fn merge(files: &[PathBuf]) -> Result<Merged> {
     let mut sum: Option<Merged> = None;
     let mut held: Vec<(&Path, [Held; 2])> = vec![];
     let mut total = Convergence::default();
@@ -83,13 +81,15 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         if let Some((what, [a, b])) = differs {
             return Err(format!(
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
-            ));
+            )
+            .into());
         }
         let both = (merged.known.learnt.get(), learnt.get());
         if matches!(both, (Some(ours), Some(own)) if ours != own) {
             return Err(format!(
                 "{first} and {name} have not learnt the same"
-            ));
+            )
+            .into());
         }
         if both.0.is_none() {
             merged.known.learnt = learnt;
@@ -102,12 +102,14 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         for (other, [theirs, _]) in &held {
             if let Some(both) = theirs.common(&whole) {
                 let other = other.display();
-                return Err(format!("{other} and {name} both hold {both}"));
+                return Err(
+                    format!("{other} and {name} both hold {both}").into()
+                );
             }
         }
         // Take the sums and the costs of a state
         let filled = state.fill(&mut film);
-        filled.map_err(|fault| format!("{name}: {fault}"))?;
+        filled.map_err(|fault| fault.of_file(name))?;
         merged.film.merge(&film);
         total.rays += report.convergence.rays;
         total.seconds += report.convergence.seconds;
@@ -128,19 +130,14 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     let missing = missing(film.window, of, &held);
     // Describe the whole run
     total.stopped = missing.is_none().then_some(Stop::Samples);
-    let Report { settings, .. } = &mut known.report;
-    settings.remove("part");
-    settings.insert("spp".into(), of.into());
-    settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
+    let settings = &mut known.report.settings;
+    (settings.part, settings.spp) = (None, Some(of));
+    settings.missing.clone_from(&missing);
     known.report.convergence = total;
     known.report.sign("ptimg");
     known.run_key.filtered = !film.halves.is_empty();
-    for name in ["range", "tiles", "checkpoint"] {
-        known.options[name] = Value::Null;
-    }
-    for name in ["output", "report"] {
-        known.options[name] = Value::Array(vec![]);
-    }
+    known.plan.part = None;
+    known.plan.outputs.files.clear();
     merged.missing = missing;
     Ok(merged)
 }

@@ -33,23 +33,28 @@ use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{GROUND, Hit};
 use litpt::camera::{View, typed};
+use litpt::cli::options::{Error, Options, ViewOptions, parse_words};
+use litpt::cli::run::{fail, start_threads};
+use litpt::cli::{progress, watchdog};
 use litpt::compare::display::auto_stops;
+use litpt::error::Result;
 use litpt::film::{Film, NEIGHBOUR_WEIGHT, Watch};
 use litpt::filter::{Filtered, FirstHits, surface_means};
+use litpt::host::{Event, Host, Interrupt};
+use litpt::inputs::Inputs;
 use litpt::integrator::gather::Learnt;
 use litpt::integrator::gather::cache::RadianceCache;
 use litpt::integrator::{Integrator, PathEvent, PathState, SingleProcess};
 use litpt::integrator::{PathTracer, Renderer};
-use litpt::options::{Error, Options, ViewOptions, parse_words};
-use litpt::progress;
+use litpt::key::Subject;
+use litpt::plan::{Budget, Plan, is_dash};
 use litpt::render::Job;
 use litpt::render::choose::{self, Method, Pixels, Sampling, Setup};
-use litpt::render_loop::{Convergence, CurvePoint, Interrupt, Limits};
+use litpt::render_loop::{Convergence, CurvePoint, Limits};
 use litpt::sampler::{IndependentSampler, Sampler};
 use litpt::scene::Mesh;
-use litpt::session::{World, fail, start_threads};
 use litpt::sky::Sky;
-use litpt::state::key::Subject;
+use litpt::world::World;
 use serde_json::{Map, Value, json};
 use tempfile::TempDir;
 use tokio::time::{sleep, timeout};
@@ -117,24 +122,23 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), Error> {
     let (mut options, _) = parse_words::<ViewOptions>(env::args_os())?;
-    let interrupt = Interrupt::listen()
-        .map_err(|e| format!("cannot listen for signals: {e}"))?;
+    let interrupt = watchdog::listen()?;
     let settings = begin(&mut options.words);
     // Make a viewer of the scene
     let token =
         secret().map_err(|e| format!("cannot choose a secret: {e}"))?;
     let wanted = Mutex::new(Wanted { settings, ..Wanted::default() });
     let mut viewer = Viewer { options, token, wanted, ..Viewer::default() };
-    let first =
-        Options::parse(viewer.words(&lock(&viewer.wanted).settings))?;
-    let is_image = !first.has_receivers() && first.crop.is_none();
-    if !is_image || first.scene_file().is_none() {
+    let words = viewer.words(&lock(&viewer.wanted).settings);
+    let first = Options::parse(words)?.plan(None, false)?;
+    let is_whole = first.camera().is_some_and(|it| it.crop.is_none());
+    if !is_whole || is_dash(&first.scene) {
         let fault = "ptview shows whole images of a file, and no receivers";
         return Err(fault.to_owned().into());
     }
     start_threads(&first)?;
-    viewer.scene = RwLock::new(Some(World::open(&first)?));
-    progress::hush();
+    viewer.scene = RwLock::new(Some(open(first)?));
+    progress::set_quiet(true);
     // Serve a page on a free port of this machine
     let fault = |e| format!("cannot serve a page: {e}");
     let runtime = Builder::new_current_thread().enable_all().build();
@@ -235,13 +239,32 @@ impl Viewer {
         begin.into_iter().chain(typed).chain(set).collect()
     }
 
-    /// The options of pt for these settings.
-    fn options(&self, settings: &Settings) -> Result<Options, String> {
-        Options::parse(self.words(settings)).map_err(|error| match error {
-            Error::Usage(fault) | Error::Failure(fault) => fault,
-            Error::Help(_) => "help is not a view".to_owned(),
+    /// The plan of a view with these settings.
+    fn plan(&self, settings: &Settings) -> Result<Plan> {
+        let options = Options::parse(self.words(settings));
+        options.and_then(|it| it.plan(None, false)).map_err(|error| {
+            match error {
+                Error::Usage(fault) | Error::Failure(fault) => fault.into(),
+                Error::Help(_) => "help is not a view".into(),
+            }
         })
     }
+}
+
+/// Reads a scene, to be shown in several ways.
+fn open(plan: Plan) -> Result<(Mesh, World)> {
+    let budget = Budget::samples(64);
+    let mut plan = Plan { budget, ..plan };
+    let listen = |event: Event| match event {
+        Event::Warning(text) => progress::warn(&text),
+        Event::Note(text) => progress::inform(&text),
+        _ => (),
+    };
+    let host = Host { listen: &listen, ..Host::default() };
+    let inputs = Inputs::read(&plan, host)?;
+    let mesh = inputs.mesh.clone();
+    plan.look_up(&mesh);
+    Ok((mesh, World::new(&plan, inputs, host)?))
 }
 
 /// The page, its style and its program.
@@ -311,7 +334,7 @@ struct Guess {
 impl Guess {
     /// Learns the radiance of a scene, roughly.
     fn learn(&mut self, world: &World) {
-        let (bvh, view) = (&world.bvh, &small(world, 8));
+        let (bvh, view) = (&world.bvh, small(world, 8));
         let analysis = &SceneAnalysis::default();
         let setup = Setup { intersector: bvh, view, analysis };
         let size = view.resolution;
@@ -341,7 +364,7 @@ impl Viewer {
         let mut wanted = lock(&self.wanted);
         change(&mut wanted);
         wanted.number += 1;
-        self.interrupt.0.store(1, Relaxed);
+        self.interrupt.cancel();
         self.changed.notify_all();
         wanted.number
     }
@@ -359,7 +382,7 @@ impl Viewer {
             done = wanted.number;
             let reads = mem::take(&mut wanted.reads);
             let settings = wanted.settings.clone();
-            self.interrupt.0.store(0, Relaxed);
+            self.interrupt.reset();
             drop(wanted);
             let shown = self.show(done, settings, reads, &mut guess);
             // Keep settings that can be shown
@@ -371,7 +394,7 @@ impl Viewer {
                 }
             }
             if let Err(fault) = shown {
-                self.tell(json!({ "fault": fault }));
+                self.tell(json!({ "fault": fault.to_string() }));
             }
         }
     }
@@ -383,15 +406,16 @@ impl Viewer {
         mut settings: Settings,
         reads: bool,
         guess: &mut Guess,
-    ) -> Result<(), String> {
-        let options = self.options(&settings)?;
+    ) -> Result<()> {
+        let mut plan = self.plan(&settings)?;
         // Have the scene shown in this view
-        let read = reads.then(|| World::open(&options)).transpose()?;
+        let read = reads.then(|| open(plan.clone())).transpose()?;
         let mut scene = self.scene.write().expect("no panic with the lock");
         *scene = read.or(scene.take());
         let (mesh, world) = scene.as_mut().ok_or("there is no scene")?;
         let old = world.subject.clone();
-        world.show(&options, mesh)?;
+        plan.look_up(mesh);
+        world.show(&plan, mesh)?;
         let new = &world.subject;
         let old = Subject { sensed: new.sensed.clone(), ..old };
         if reads || old != *new {
@@ -400,8 +424,8 @@ impl Viewer {
         drop(scene);
         let scene = self.scene.read().expect("no panic with the lock");
         let (_, world) = scene.as_ref().ok_or("there is no scene")?;
-        self.publish(number, world, &options);
-        if options.window().area() > 1 << 23 {
+        self.publish(number, world, &plan);
+        if world.subject.sensed.window().area() > 1 << 23 {
             let fault = "more than 8 megapixels: copy the command instead";
             self.tell(json!({ "fault": fault }));
             return Ok(());
@@ -429,19 +453,19 @@ impl Viewer {
             return Ok(());
         }
         // Render to one per cent of the mean, unless an error is given
-        if options.error.is_none() {
+        if plan.budget.error.is_none() {
             let mean = if guess.mean > 0. { guess.mean } else { 1. };
             let error = format!("{:.1e}", 0.01 * mean);
             self.tell(json!({ "error": error }));
             settings.insert("--error".into(), error);
         }
-        self.look(world, &self.options(&settings)?, guess);
+        self.look(world, &self.plan(&settings)?, guess);
         Ok(())
     }
 
     /// Puts where the camera stands and what is up into the settings, and tells
     /// pages all of them, unless something else is wanted by now.
-    fn publish(&self, number: u64, world: &World, options: &Options) {
+    fn publish(&self, number: u64, world: &World, plan: &Plan) {
         let mut wanted = lock(&self.wanted);
         if wanted.number != number {
             return;
@@ -474,7 +498,7 @@ impl Viewer {
             "words": self.options.words, "settings": settings,
             "scene": self.options.scene.display().to_string(),
             "zenith": zenith.to_array(), "fields": fields, "fault": null,
-            "exposure": options.exposure, "number": number,
+            "exposure": plan.outputs.exposure, "number": number,
         });
         self.tell(state);
     }
@@ -514,20 +538,18 @@ impl Viewer {
     }
 
     /// Shows the image of a run as it gets better.
-    fn look(&self, world: &World, options: &Options, guess: &mut Guess) {
+    fn look(&self, world: &World, plan: &Plan, guess: &mut Guess) {
         let (view, bvh, subject) =
             (&world.view(), &world.bvh, &world.subject);
         let analysis =
             &SceneAnalysis::find(&world.left_out, bvh, view, &[]);
-        let setup = Setup { intersector: bvh, view, analysis };
+        let setup = Setup { intersector: bvh, view: *view, analysis };
         // Choose a method that shows something soon
         let request = choose::Request {
-            method: options.integrator,
-            seed: options.seed,
+            method: plan.method,
+            seed: plan.seed,
             window: subject.sensed.window(),
-            samples: Some(64),
-            error: None,
-            time: None,
+            budget: Budget::samples(64),
             left: None,
         };
         let (mut sampling, _) = setup.decide(&request, None);
@@ -543,11 +565,11 @@ impl Viewer {
             film = film.with_halves();
         }
         let hits = FirstHits::trace(bvh, view, film.window);
-        let target = options.target();
+        let (error, measure) = plan.budget.error.unzip();
         let limits = Limits {
             samples: analysis.known_pixels.is_all().then_some(2),
-            error: target.map(|(error, _)| error),
-            measure: target.unwrap_or_default().1,
+            error,
+            measure: measure.unwrap_or_default(),
             interrupt: Some(&self.interrupt),
             ..Limits::default()
         };
@@ -641,7 +663,7 @@ impl Viewer {
         sleep(beat).await;
         drop(image);
         if self.image.receiver_count() == 0 {
-            self.interrupt.0.store(1, Relaxed);
+            self.interrupt.cancel();
             self.stop_render();
         }
     }
@@ -781,7 +803,7 @@ impl Viewer {
         match self.start_render(&given.collect()) {
             Ok(render) => {
                 *lock(&self.render) = Some(render);
-                self.interrupt.0.store(1, Relaxed);
+                self.interrupt.cancel();
             }
             Err(fault) => {
                 let fault = format!("cannot render: {fault}");

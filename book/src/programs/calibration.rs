@@ -13,7 +13,9 @@ use litpt::camera::View;
 use litpt::film::{Film, NEIGHBOUR_WEIGHT, Summary, Window};
 use litpt::integrator::SingleProcess;
 use litpt::render::Job;
-use litpt::render::choose::{Method, Pixels, Request, Sampling, Setup};
+use litpt::render::choose::{
+    Budget, Method, Pixels, Request, Sampling, Setup,
+};
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
 
@@ -126,15 +128,13 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let analysis = SceneAnalysis { findings: vec![], known_pixels };
     let window = Window { corner: (0, 0), size: resolution };
     // Sample as a run of this method does
-    let (view, analysis) = (&view, &analysis);
+    let analysis = &analysis;
     let setup = Setup { intersector, view, analysis };
     let request = Request {
         method: Some(method),
         seed,
         window,
-        samples: Some(n),
-        error: None,
-        time: None,
+        budget: Budget::samples(n),
         left: None,
     };
     let choice = setup.choose(&request);

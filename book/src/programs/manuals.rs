@@ -10,7 +10,7 @@ use std::path::Path;
 
 use clap::{Command, CommandFactory};
 use clap_complete::{Shell, generate};
-use litpt::options::{Options, ViewOptions};
+use litpt::cli::options::{Options, ViewOptions};
 
 use super::Done;
 

@@ -7,12 +7,12 @@
 
 use std::fs;
 
+use litpt::cli::options::Options;
 use litpt::film::{Film, FilmTile};
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
 use litpt::integrator::gather::training::{allocate, train};
 use litpt::integrator::gather::{Allocation, Correction, Sample};
-use litpt::options::Options;
 use litpt::render::choose::{Method, Pixels, Sampling};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler};
@@ -347,21 +347,25 @@ impl Stage {
 pub fn run(arguments: &[String]) -> Done {
     let name = std::iter::once("parts");
     let words = name.chain(arguments.iter().map(String::as_str));
-    let parsed = Options::parse(words);
-    let arguments = parsed.map_err(|error| format!("{error:?}"))?;
-    let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
-    let (mesh, view) = (read_obj(&fs::read(input)?)?, arguments.view());
-    let (width, height) = arguments.resolution;
+    let plan = Options::parse(words).and_then(|it| it.plan(None, false));
+    let plan = plan.map_err(|error| format!("{error:?}"))?;
+    let input = &plan.scene;
+    let camera = plan.camera().ok_or("name a camera")?;
+    let (mesh, view) = (
+        read_obj(&fs::read(input)?)?,
+        camera.view(plan.up.unwrap_or(DVec3::Z)),
+    );
+    let (width, height) = camera.resolution;
     let aspect = f64::from(width) / f64::from(height);
     let stage = Stage {
         setting: Setting::new(
             &mesh,
-            (arguments.albedo(), view.up),
+            (plan.surfaces.albedo, view.up),
             &view,
             aspect,
         )?,
-        resolution: arguments.resolution,
-        samples: arguments.samples().unwrap_or(SAMPLES),
+        resolution: camera.resolution,
+        samples: plan.budget.samples.unwrap_or(SAMPLES),
     };
     let replicate = stage.sampling(Method::Gather, 0).net_size;
     let mut runs = PARTS.map(|_| vec![]);

@@ -23,9 +23,10 @@ use glam::DVec3;
 use libloading::Library;
 use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
 use litpt::camera::Camera;
+use litpt::cli::options::Options;
 use litpt::integrator::PathTracer;
 use litpt::materials::Surfaces;
-use litpt::options::Options;
+use litpt::plan::Plan;
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt_book::paths;
@@ -58,14 +59,14 @@ impl Dispatch for Stretch<'_> {
 pub fn run(arguments: &[String]) -> Done {
     let name = std::iter::once("traversal");
     let words = name.chain(arguments.iter().map(String::as_str));
-    let parsed = Options::parse(words);
-    let arguments = parsed.map_err(|error| format!("{error:?}"))?;
-    let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
+    let plan = Options::parse(words).and_then(|it| it.plan(None, false));
+    let plan = plan.map_err(|error| format!("{error:?}"))?;
+    let input = &plan.scene;
     let mesh = read_obj(&fs::read(input)?)?;
     let (scene, triangles) = (Scene::new(&mesh), mesh.triangles.len());
     drop(mesh);
     let intersector = Bvh::with(&scene, Quality::THOROUGH, Isa::best())?;
-    let walk = record(&scene, &intersector, &arguments)?;
+    let walk = record(&scene, &intersector, &plan)?;
     let mut contenders = vec![Contender {
         name: "litpt",
         trace: Box::new(|range| {
@@ -82,8 +83,7 @@ pub fn run(arguments: &[String]) -> Done {
              (Debian: libembree3-3)"
         ),
     }
-    let file = arguments.input.unwrap_or_default();
-    let name = file.file_stem().unwrap_or_default().to_string_lossy();
+    let name = input.file_stem().unwrap_or_default().to_string_lossy();
     let prefix = format!("{name},{triangles}");
     println!(
         "scene,triangles,contender,threads,million_rays_per_second,ratio"
@@ -106,17 +106,16 @@ struct Step {
 fn record<K: Intersector>(
     scene: &Scene,
     intersector: &K,
-    arguments: &Options,
+    plan: &Plan,
 ) -> Result<Vec<Step>, Box<dyn Error>> {
-    let view = arguments.view();
-    let (width, height) = arguments.resolution;
-    let aspect = f64::from(width) / f64::from(height);
-    let camera = Camera::new(&view, aspect)?;
+    let camera = plan.camera().ok_or("name a camera")?;
+    let view = camera.view(plan.up.unwrap_or(DVec3::Z));
+    let camera = Camera::new(&view, camera.aspect())?;
     let integrator = PathTracer::new(
-        Surfaces::of(arguments.albedo()),
+        Surfaces::of(plan.surfaces.albedo),
         Sky::new(view.up),
     );
-    let seed = arguments.seed;
+    let seed = plan.seed;
     let rays = paths::record(
         &scene.frame.entrance(view.position),
         intersector,

@@ -13,6 +13,8 @@ use anstyle::{AnsiColor, Effects};
 pub use indicatif::ProgressBar;
 use indicatif::{HumanDuration, ProgressState, ProgressStyle};
 
+use crate::report::metric;
+
 fn print(colour: AnsiColor, mark: &str, message: &str) {
     let style = colour.on_default().effects(Effects::BOLD);
     let mut stderr = anstream::stderr();
@@ -22,9 +24,9 @@ fn print(colour: AnsiColor, mark: &str, message: &str) {
 /// Whether nothing but errors is printed.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// From now on nothing but errors is printed, and no line is drawn.
-pub fn hush() {
-    QUIET.store(true, Ordering::Relaxed);
+/// Whether from now on nothing but errors is printed, and no line is drawn.
+pub fn set_quiet(is_quiet: bool) {
+    QUIET.store(is_quiet, Ordering::Relaxed);
 }
 
 /// Whether the program has been hushed.
@@ -124,7 +126,7 @@ pub fn render_bar(start: Instant, limit: Option<f64>) -> ProgressBar {
 
 /// Has a bar say how much of a `unit` there is and will be, if that can be
 /// foreseen, and what is known by now.
-pub fn expect(
+pub fn update(
     bar: &ProgressBar,
     (done, all): (u64, Option<u64>),
     unit: &'static str,
@@ -146,15 +148,6 @@ pub fn expect(
 pub fn answer(bar: &ProgressBar) {
     bar.set_style(style("stopping"));
     bar.suspend(|| inform("finishing; a second signal aborts"));
-}
-
-/// A number to two decimals with a metric prefix, as in `1.25 M`.
-pub fn metric(x: f64) -> String {
-    let scales = [(1e9, "G"), (1e6, "M"), (1e3, "k")];
-    match scales.iter().find(|(scale, _)| x >= 0.9995 * scale) {
-        Some((scale, prefix)) => format!("{:.2} {prefix}", x / scale),
-        None => format!("{x:.0} "),
-    }
 }
 
 /// A line that says what is done before a render; `total` is how much of it

@@ -1,61 +1,28 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
-//
-// This program is free software: you can redistribute it and/or modify it
-// under the terms of the GNU General Public License as published by the Free
-// Software Foundation, either version 3 of the License, or (at your option)
-// any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Mixtures of scales at random, compared with a loop over all triangles in
-//! twice the precision of a double.
+
+//! Paths through mixtures of scales, compared with a loop over all triangles
+//! in twice the precision of a double.
 //!
 //! What is asked of each ray, and from where the tolerances come, is said at
-//! `Case::check`, `judge` and `Case::keeps_clear`.
+//! `Mixture::check`, `judge` and `Mixture::keeps_clear`.
 
-#[path = "twofold.rs"]
-mod twofold;
+use crate::prelude::*;
 
 use std::ops::Range;
-use std::sync::OnceLock;
 
-use glam::{DMat3, DQuat, DVec3};
-use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
-use litpt::sampler::cosine_direction;
-use litpt::scene::{Mesh, Ray, Scene, Triangle, Triangles};
-use litpt_book::solids;
-use rand::seq::SliceRandom;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
+use litpt_book::escapes::uniform;
+use rand::seq::{IndexedRandom, SliceRandom};
 
-use twofold::{Cut, U, cut, gap};
-
-/// What a case has seen.
-#[derive(Default)]
-pub struct Seen {
-    pub rays: usize,
-    /// Rays whose first hit was the only one that is allowed.
-    pub certain: usize,
-    /// Points of paths inside a closed solid.
-    pub inside: usize,
-    /// Paths that were given up because of a wall along the ray.
-    pub excused: usize,
-}
-
-impl Seen {
-    pub fn add(&mut self, other: Self) {
-        self.rays += other.rays;
-        self.certain += other.certain;
-        self.inside += other.inside;
-        self.excused += other.excused;
-    }
-}
+use super::twofold::{Cut, U, cut, gap};
+use super::{Random, Shape, Tally, log_uniform, on};
 
 /// How far the origin of a ray may be moved before it is traced: coordinates
 /// below 2^-100 count as zero (section "Exact signs").
 const MOVED: f64 = f64::from_bits((1023 - 99) << 52);
 
 /// Some objects of very different sizes that meet each other.
-pub struct Case {
+pub struct Mixture<'a> {
     scene: Scene,
     /// The triangles in the coordinates of the scene, by their faces.
     triangles: Vec<Placed>,
@@ -63,7 +30,7 @@ pub struct Case {
     reach: f64,
     objects: Vec<Object>,
     bvhs: Vec<(String, Bvh)>,
-    random: Random,
+    random: &'a mut Random,
 }
 
 struct Placed {
@@ -82,74 +49,65 @@ struct Object {
     inside: Vec<DVec3>,
 }
 
-impl Case {
-    /// # Errors
-    /// A finding.
-    pub fn new(seed: u64) -> Result<Self, String> {
-        let mut random = Random(Pcg64::seed_from_u64(seed));
-        let mut mesh = Mesh::default();
-        let mut objects = vec![];
-        for _ in 0..2 + random.below(5) {
-            let object = random.object(&mut mesh, &objects);
-            objects.push(object);
-        }
-        let scene = Scene::new(&mesh);
-        let all = &scene.triangles;
-        let mut triangles: Vec<_> = mesh
-            .triangles
-            .iter()
-            .map(|corners| {
-                Placed::new(corners.map(|i| all.vertices[i as usize]))
-            })
-            .collect();
-        for &face in &all.faces {
-            triangles[face as usize].is_there = true;
-        }
-        for object in &mut objects {
-            let own = object.triangles.clone();
-            let flat = |face: &u32| own.contains(&(*face as usize));
-            object.is_closed &= !scene.left_out[0].iter().any(flat);
-            let place = |p: &DVec3| scene.frame.entrance(*p).place();
-            object.inside =
-                object.inside.iter().filter_map(place).collect();
-            let size = |p: &Placed| p.middle.length() + p.radius;
-            let [low, high] = [DVec3::MIN, DVec3::MAX];
-            let corners =
-                || triangles[own.clone()].iter().flat_map(|t| t.corners);
-            let sides = corners().fold(low, DVec3::max)
-                - corners().fold(high, DVec3::min);
-            object.size = sides.max_element();
-            if object.size <= 0. {
-                object.size = triangles[own.clone()]
-                    .iter()
-                    .map(size)
-                    .fold(0., f64::max);
-            }
-        }
-        let bounds = triangles.iter().flat_map(|t| t.corners);
-        let reach =
-            bounds.map(|p| p.abs().max_element()).fold(0., f64::max);
-        let bvhs = bvhs(&scene, &mut random)?;
-        Ok(Self { scene, triangles, reach, objects, bvhs, random })
-    }
-
-    /// Follows some paths.
+impl<'a> Mixture<'a> {
+    /// The mesh of all shapes.
     ///
     /// # Errors
     /// A finding.
-    pub fn try_all(mut self) -> Result<Seen, String> {
-        let mut seen = Seen::default();
-        if self.scene.triangles.is_empty() {
-            return Ok(seen);
+    pub fn new(
+        mesh: &Mesh,
+        shapes: &[Shape],
+        random: &'a mut Random,
+    ) -> Result<Self, String> {
+        let scene = Scene::new(mesh);
+        let corner = |i: u32| scene.triangles.vertices[i as usize];
+        let place = |t: &[u32; 3]| Placed::new(t.map(corner));
+        let mut triangles: Vec<_> =
+            mesh.triangles.iter().map(place).collect();
+        for &face in &scene.triangles.faces {
+            triangles[face as usize].is_there = true;
         }
-        for _ in 0..100 {
-            self.follow(&mut seen)?;
-        }
-        Ok(seen)
+        let mut end = 0;
+        let object = |shape: &Shape| {
+            let own = end..end + shape.triangles.len();
+            end = own.end;
+            let flat = |face: &u32| own.contains(&(*face as usize));
+            let has_flat = scene.left_out[0].iter().any(flat);
+            let corners =
+                || triangles[own.clone()].iter().flat_map(|t| t.corners);
+            let sides = corners().fold(DVec3::MIN, DVec3::max)
+                - corners().fold(DVec3::MAX, DVec3::min);
+            let far = corners().map(DVec3::length).fold(0., f64::max);
+            let size = sides.max_element();
+            let place = |p: &DVec3| scene.frame.entrance(*p).place();
+            Object {
+                size: if size > 0. { size } else { far },
+                is_closed: !shape.inside.is_empty() && !has_flat,
+                inside: shape.inside.iter().filter_map(place).collect(),
+                triangles: own,
+            }
+        };
+        let objects = shapes.iter().map(object).collect();
+        let corners = triangles.iter().flat_map(|t| t.corners);
+        let reach =
+            corners.map(|p| p.abs().max_element()).fold(0., f64::max);
+        let bvhs = bvhs(&scene, random)?;
+        Ok(Self { scene, triangles, reach, objects, bvhs, random })
+    }
+
+    /// Whether a camera is inside a closed solid, and clear of all triangles.
+    pub fn is_dark(&mut self, position: DVec3) -> bool {
+        self.scene.frame.entrance(position).place().is_some_and(|place| {
+            self.touched(place, MOVED).is_none()
+                && self.rooms(place).contains(&Some(true))
+        })
     }
 
     /// Follows a path in all hierarchies at once.
-    fn follow(&mut self, seen: &mut Seen) -> Result<(), String> {
+    pub fn follow(&mut self, tally: &mut Tally) -> Result<(), String> {
+        if self.scene.triangles.is_empty() {
+            return Ok(());
+        }
         let origin = self.camera();
         let Some(direction) = self.towards(origin) else { return Ok(()) };
         let mut ray = Ray { origin, direction };
@@ -157,7 +115,7 @@ impl Case {
         let mut is_clear = self.touched(origin, MOVED).is_none();
         let mut rooms = self.rooms(origin);
         for _ in 0..6 {
-            let Some(hit) = self.check(&ray, &mut from, seen)? else {
+            let Some(hit) = self.check(&ray, &mut from, tally)? else {
                 return match is_clear && rooms.contains(&Some(true)) {
                     true => Err(format!("{ray:?} leaves a solid")),
                     false => Ok(()),
@@ -167,13 +125,13 @@ impl Case {
                 rooms = match self.keeps_clear(&ray, &hit, &rooms) {
                     Ok(rooms) => rooms,
                     Err(_) if self.is_along_a_wall(&ray, &hit, from[0]) => {
-                        seen.excused += 1;
+                        tally.excused += 1;
                         return Ok(());
                     }
                     Err(finding) => return Err(finding),
                 };
                 let is_inside = rooms.contains(&Some(true));
-                seen.inside += usize::from(is_inside);
+                tally.inside += usize::from(is_inside);
             }
             is_clear &= self.touched(hit.point, MOVED).is_none();
             let Some(direction) = self.onwards(&hit) else { break };
@@ -192,7 +150,7 @@ impl Case {
         &self,
         ray: &Ray,
         from: &mut [Option<u32>],
-        seen: &mut Seen,
+        tally: &mut Tally,
     ) -> Result<Option<Hit>, String> {
         let face = |i: usize, slot| self.bvhs[i].1.face(slot);
         let left = from[0].map(|slot| face(0, slot) as usize);
@@ -203,7 +161,7 @@ impl Case {
                 return Err(format!("{ray:?} {left:?}: {name}: occluded?"));
             }
             if i == 0 {
-                seen.rays += 1;
+                tally.rays += 1;
                 first = hit;
             }
             let place = |i: usize, hit: Hit| {
@@ -220,7 +178,8 @@ impl Case {
         }
         let found = first.map(|hit| face(0, hit.primitive) as usize);
         let number = self.allows(ray, left, found)?;
-        seen.certain += usize::from(number == usize::from(found.is_some()));
+        tally.certain +=
+            usize::from(number == usize::from(found.is_some()));
         Ok(first)
     }
 
@@ -337,7 +296,7 @@ impl Case {
         let parity = |object: &Object| {
             let triangles = &self.triangles[object.triangles.clone()];
             let tries = if object.is_closed { 0..20 } else { 0..0 };
-            tries.map(|_| random.direction()).find_map(|direction| {
+            tries.map(|_| uniform(random)).find_map(|direction| {
                 parity(triangles, &Ray { origin: point, direction })
             })
         };
@@ -346,28 +305,26 @@ impl Case {
 
     // --------------------------------------------------- Where rays go
 
-    /// A point of an object: a vertex, or on an edge, or on a triangle.
-    fn point(&mut self, object: usize) -> DVec3 {
-        let own = self.objects[object].triangles.clone();
-        let i = own.start + self.random.below(own.len() as u64) as usize;
-        self.random.on(&self.triangles[i].corners)
-    }
-
-    fn any_object(&mut self) -> usize {
-        self.random.below(self.objects.len() as u64) as usize
+    /// A point of an object, and the object's size.
+    fn aim(&mut self) -> (DVec3, f64) {
+        let object = self.objects.choose(self.random).unwrap();
+        let own = &self.triangles[object.triangles.clone()];
+        let t = own.choose(self.random).unwrap();
+        (on(&t.corners, self.random), object.size)
     }
 
     /// Where a path begins.
     fn camera(&mut self) -> DVec3 {
-        let i = self.any_object();
-        let inside = self.objects[i].inside.clone();
-        let size = self.objects[i].size;
-        let place = match self.random.below(8) {
-            0..4 if !inside.is_empty() => self.random.choose(&inside),
-            7 => self.random.point() * self.reach,
+        let inside = self.objects.iter().flat_map(|o| &o.inside);
+        let inside = inside.collect::<Vec<_>>();
+        let inside = inside.choose(self.random).map(|p| **p);
+        let place = match (inside, self.random.random_range(0..8)) {
+            (Some(inside), 0..4) => inside,
+            (_, 7) => uniform(self.random) * self.reach,
             _ => {
-                let away = size * self.random.scale(-3., 2.);
-                self.point(i) + self.random.direction() * away
+                let (point, size) = self.aim();
+                let away = size * log_uniform(-3., 2., self.random);
+                point + uniform(self.random) * away
             }
         };
         place.clamp(DVec3::splat(-2e4), DVec3::splat(2e4))
@@ -375,16 +332,15 @@ impl Case {
 
     /// A direction from a point towards an object, or just past it.
     fn towards(&mut self, origin: DVec3) -> Option<DVec3> {
-        let i = self.any_object();
-        let aim = self.point(i);
-        let aside = match self.random.below(3) {
-            0 => self.objects[i].size * self.random.scale(-18., 0.),
+        let (aim, size) = self.aim();
+        let aside = match self.random.random_range(0..3) {
+            0 => size * log_uniform(-18., 0., self.random),
             _ => 0.,
         };
-        let aim = aim + self.random.direction() * aside;
-        match self.random.below(8) {
-            0 => Some(self.random.direction()),
-            _ => (aim - origin).try_normalize(),
+        let any = uniform(self.random);
+        match self.random.random_range(0..8) {
+            0 => Some(any),
+            _ => (aim + any * aside - origin).try_normalize(),
         }
     }
 
@@ -392,10 +348,10 @@ impl Case {
     /// sampler.
     fn onwards(&mut self, hit: &Hit) -> Option<DVec3> {
         let aimed = self.towards(hit.point)?;
-        let [r, turn] = [self.random.unit(), self.random.unit()];
+        let [r, turn] = [self.random.random(), self.random.random()];
         let (cosine, flattest) = (aimed.dot(hit.normal), 1e-7);
-        Some(match self.random.below(2) {
-            0 if cosine.abs() > flattest => {
+        Some(match self.random.random() {
+            true if cosine.abs() > flattest => {
                 aimed - hit.normal * (cosine - cosine.abs())
             }
             _ => cosine_direction(hit.normal, r, turn),
@@ -418,7 +374,7 @@ fn bvhs(
         let all = &scene.triangles;
         let mut order: Vec<_> = (0..all.len()).collect();
         if mixed {
-            order.shuffle(&mut random.0);
+            order.shuffle(random);
         }
         let triangles = Triangles {
             vertices: all.vertices.clone(),
@@ -522,192 +478,4 @@ fn parity(triangles: &[Placed], ray: &Ray) -> Option<bool> {
         is_odd ^= cut.low > 0.;
     }
     Some(is_odd)
-}
-
-// ------------------------------------------------------- What chance may choose
-
-struct Random(Pcg64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0.random()
-    }
-
-    fn below(&mut self, n: u64) -> u64 {
-        (self.unit() * n as f64) as u64
-    }
-
-    fn choose<T: Copy>(&mut self, of: &[T]) -> T {
-        of[self.below(of.len() as u64) as usize]
-    }
-
-    /// A power of ten.
-    fn scale(&mut self, from: f64, to: f64) -> f64 {
-        10f64.powf(from + (to - from) * self.unit())
-    }
-
-    fn point(&mut self) -> DVec3 {
-        let mut both = || 2. * self.unit() - 1.;
-        DVec3::new(both(), both(), both())
-    }
-
-    fn direction(&mut self) -> DVec3 {
-        loop {
-            let v = self.point();
-            if (0.01..1.).contains(&v.length()) {
-                return v.normalize();
-            }
-        }
-    }
-
-    fn rotation(&mut self) -> DMat3 {
-        let turn = 7. * self.unit();
-        let around = self.direction();
-        match self.below(2) {
-            0 => DMat3::from_quat(DQuat::from_axis_angle(around, turn)),
-            _ => DMat3::IDENTITY,
-        }
-    }
-
-    /// A corner, or a point of an edge or of the triangle, up to rounding.
-    fn on(&mut self, &[a, b, c]: &Triangle) -> DVec3 {
-        let [s, t] = [self.unit(), self.unit()];
-        match self.below(5) {
-            0 => a,
-            1 => b,
-            2 => a + (b - a) * s,
-            3 => b + (c - b) * s,
-            _ => a + ((b - a) + (c - b) * t) * s,
-        }
-    }
-
-    /// Adds an object to a mesh, in most cases so that it touches another or
-    /// the origin, where the numbers are finest.
-    fn object(&mut self, mesh: &mut Mesh, others: &[Object]) -> Object {
-        let (shape, inside, is_closed) = self.shape();
-        let scale = self.scale(-12., 12.);
-        let corners =
-            |mesh: &Mesh, t: [u32; 3]| t.map(|i| mesh.vertices[i as usize]);
-        let own = match self.below(4) {
-            0 => DVec3::ZERO,
-            _ => {
-                let t = self.choose(&shape.triangles);
-                self.on(&corners(&shape, t))
-            }
-        };
-        let mut anchor = DVec3::ZERO;
-        if !others.is_empty() && self.below(5) < 3 {
-            let other = &others[self.below(others.len() as u64) as usize];
-            let t = self.choose(&mesh.triangles[other.triangles.clone()]);
-            anchor = self.on(&corners(mesh, t));
-            if self.below(2) == 0 {
-                let size = self.choose(&[other.size, scale]);
-                anchor += self.direction() * size * self.scale(-3., 1.);
-            }
-        }
-        if anchor.length() * 1e-14 > scale && self.below(10) > 0 {
-            anchor = DVec3::ZERO;
-        }
-        let rotation = self.rotation();
-        let place = |&p: &DVec3| rotation * (p - own) * scale + anchor;
-        let first = mesh.vertices.len() as u32;
-        let start = mesh.triangles.len();
-        mesh.vertices.extend(shape.vertices.iter().map(place));
-        let all = shape.triangles.iter();
-        mesh.triangles.extend(all.map(|t| t.map(|i| i + first)));
-        let triangles = start..mesh.triangles.len();
-        let inside = inside.iter().map(place).collect();
-        Object { triangles, size: scale, is_closed, inside }
-    }
-
-    /// Something of size one, with points inside if it is closed.
-    fn shape(&mut self) -> (Mesh, Vec<DVec3>, bool) {
-        let mut corners = vec![];
-        match self.below(10) {
-            0..4 => {
-                let (mesh, inside) =
-                    &closed()[self.below(closed().len() as u64) as usize];
-                return (mesh.clone(), inside.clone(), true);
-            }
-            4 => {
-                // A strip.
-                let width = self.scale(-9., 0.);
-                for i in 0..1 + self.below(30) {
-                    let (x, y) = (i as f64 / 16. - 1., self.unit() * width);
-                    let [a, b] = [0., 1. / 16.].map(|d| [x + d, y]);
-                    let p = |[x, y]: [f64; 2], z| DVec3::new(x, y, z);
-                    corners.extend([p(a, 0.), p(b, 0.), p(b, width)]);
-                    corners.extend([p(a, 0.), p(b, width), p(a, width)]);
-                }
-            }
-            5 => {
-                // Needles.
-                for _ in 0..1 + self.below(20) {
-                    let [a, d] = [self.point(), self.direction()];
-                    let tip = a + self.point() * self.scale(-14., 0.);
-                    corners.extend([a, a + d, tip]);
-                }
-            }
-            6 => {
-                // Triangles at random.
-                for _ in 0..3 * (1 + self.below(30)) {
-                    corners.push(self.point());
-                }
-            }
-            7 | 8 => {
-                // A plane.
-                let p = |x: f64, y: f64| DVec3::new(x, y, 0.);
-                let [a, b] = [p(-1., -1.), p(1., -1.)];
-                let [c, d] = [p(1., 1.), p(-1., 1.)];
-                corners.extend([a, b, c, a, c, d]);
-            }
-            _ => {
-                // A crowd.
-                let size = self.scale(-6., 0.);
-                for _ in 0..20 + self.below(200) {
-                    let middle = self.point();
-                    let mut near = || middle + self.point() * size;
-                    corners.extend([near(), near(), near()]);
-                }
-            }
-        }
-        let numbers = (0..corners.len() as u32 / 3).map(|i| 3 * i);
-        let triangles = numbers.map(|i| [i, i + 1, i + 2]).collect();
-        (
-            Mesh {
-                vertices: corners,
-                triangles,
-                joined: vec![],
-                marks: vec![],
-            },
-            vec![],
-            false,
-        )
-    }
-}
-
-type Closed = (Mesh, Vec<DVec3>);
-
-/// Closed surfaces of a size of about one that share their corners, with
-/// points inside.
-fn closed() -> &'static [Closed] {
-    static ALL: OnceLock<Vec<Closed>> = OnceLock::new();
-    ALL.get_or_init(|| {
-        let all = solids::all().into_iter().filter(|solid| {
-            let is_small = solid.scene.triangles.len() < 1300;
-            is_small && !solid.has_cracks()
-        });
-        let shrink = |p: &DVec3| *p / 4096.;
-        all.map(|solid| {
-            let all = &solid.scene.triangles;
-            let mesh = Mesh {
-                vertices: all.vertices.iter().map(shrink).collect(),
-                triangles: all.corners.clone(),
-                joined: vec![],
-                marks: vec![],
-            };
-            (mesh, solid.cameras.iter().map(shrink).collect())
-        })
-        .collect()
-    })
 }

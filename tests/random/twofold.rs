@@ -1,103 +1,31 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
-//
-// This program is free software: you can redistribute it and/or modify it
-// under the terms of the GNU General Public License as published by the Free
-// Software Foundation, either version 3 of the License, or (at your option)
-// any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Rays and triangles in twofold precision: each number is the unevaluated
-//! sum of two doubles, with a relative error of 2^-102 or so per operation
-//! (Dekker 1971). Differences of doubles are exact.
+
+//! Rays and triangles in twice the precision of a double. Differences of
+//! doubles are exact.
 
 use std::array;
-use std::ops::{Add, Div, Mul, Sub};
 
 use glam::DVec3;
 use litpt::scene::{Ray, Triangle};
+use twofloat::TwoFloat;
 
 /// The relative error of one rounding to double precision.
 pub const U: f64 = f64::EPSILON / 2.;
 
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
-struct Twofold(f64, f64);
+const ZERO: TwoFloat = TwoFloat::from_f64(0.);
 
-const ZERO: Twofold = Twofold(0., 0.);
-
-/// The exact sum, for |a| >= |b|.
-fn ordered(a: f64, b: f64) -> Twofold {
-    let sum = a + b;
-    Twofold(sum, b - (sum - a))
-}
-
-/// The exact sum.
-fn sum(a: f64, b: f64) -> Twofold {
-    let sum = a + b;
-    let back = sum - a;
-    Twofold(sum, (a - (sum - back)) + (b - back))
-}
-
-impl Add for Twofold {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        let (high, low) = (sum(self.0, other.0), sum(self.1, other.1));
-        let part = ordered(high.0, high.1 + low.0);
-        ordered(part.0, part.1 + low.1)
-    }
-}
-
-impl Sub for Twofold {
-    type Output = Self;
-
-    fn sub(self, other: Self) -> Self {
-        self + Self(-other.0, -other.1)
-    }
-}
-
-impl Mul for Twofold {
-    type Output = Self;
-
-    fn mul(self, other: Self) -> Self {
-        let high = self.0 * other.0;
-        let low = self.0.mul_add(other.0, -high);
-        ordered(high, low + (self.0 * other.1 + self.1 * other.0))
-    }
-}
-
-impl Div for Twofold {
-    type Output = Self;
-
-    fn div(self, other: Self) -> Self {
-        let first = Self(self.0 / other.0, 0.);
-        let rest = self - other * first;
-        let second = Self(rest.0 / other.0, 0.);
-        let third = (rest - other * second).0 / other.0;
-        ordered(first.0, second.0) + Self(third, 0.)
-    }
-}
-
-impl Twofold {
-    fn sqrt(self) -> Self {
-        let root = Self(self.0.max(0.).sqrt(), 0.);
-        match root.0 > 0. {
-            true => root + (self - root * root) / Self(2. * root.0, 0.),
-            false => ZERO,
-        }
-    }
-}
-
-type Vector<const N: usize> = [Twofold; N];
+type Vector<const N: usize> = [TwoFloat; N];
 
 fn difference(a: DVec3, b: DVec3) -> Vector<3> {
-    array::from_fn(|i| sum(a[i], -b[i]))
+    array::from_fn(|i| TwoFloat::new_sub(a[i], b[i]))
 }
 
-fn dot<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> Twofold {
+fn dot<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> TwoFloat {
     (0..N).fold(ZERO, |sum, i| sum + a[i] * b[i])
 }
 
-fn length<const N: usize>(a: &Vector<N>) -> Twofold {
+fn length<const N: usize>(a: &Vector<N>) -> TwoFloat {
     dot(a, a).sqrt()
 }
 
@@ -111,13 +39,12 @@ fn cross(a: &Vector<3>, b: &Vector<3>) -> Vector<3> {
 /// How far zero is from the segment from `p` to `p + e`.
 fn from_segment<const N: usize>(p: &Vector<N>, e: &Vector<N>) -> f64 {
     let along = dot(e, e);
-    let at = match along > ZERO {
-        true => (ZERO - dot(p, e)) / along,
+    let at = match along > 0. {
+        true => (-dot(p, e)) / along,
         false => ZERO,
     };
-    let at = if at < ZERO { ZERO } else { at };
-    let at = if at.0 > 1. { Twofold(1., 0.) } else { at };
-    length(&array::from_fn::<_, N, _>(|i| p[i] + e[i] * at)).0
+    let at = at.max(ZERO).min(TwoFloat::from(1.));
+    length(&array::from_fn::<_, N, _>(|i| p[i] + e[i] * at)).hi()
 }
 
 fn sides(corners: &Triangle) -> [Vector<3>; 3] {
@@ -131,9 +58,9 @@ pub fn gap(point: DVec3, corners: &Triangle) -> f64 {
     let normal = cross(&sides[0], &sides[1]);
     let area = length(&normal);
     let is_over =
-        |i: usize| dot(&normal, &cross(&sides[i], &ways[i])) <= ZERO;
-    if area > ZERO && (0..3).all(is_over) {
-        return (dot(&normal, &ways[0]) / area).0.abs();
+        |i: usize| dot(&normal, &cross(&sides[i], &ways[i])) <= 0.;
+    if area > 0. && (0..3).all(is_over) {
+        return (dot(&normal, &ways[0]) / area).hi().abs();
     }
     let apart = (0..3).map(|i| from_segment(&ways[i], &sides[i]));
     apart.fold(f64::INFINITY, f64::min)
@@ -166,7 +93,7 @@ pub fn cut(ray: &Ray, corners: &Triangle, aside: f64) -> Option<Cut> {
         usize::from(size[1] > size[0])
     };
     let (x, y) = ((z + 1) % 3, (z + 2) % 3);
-    let slope = [x, y].map(|i| Twofold(d[i], 0.) / Twofold(d[z], 0.));
+    let slope = [x, y].map(|i| TwoFloat::new_div(d[i], d[z]));
     let flat = |v: &Vector<3>| -> Vector<2> {
         [v[x] - slope[0] * v[z], v[y] - slope[1] * v[z]]
     };
@@ -177,22 +104,22 @@ pub fn cut(ray: &Ray, corners: &Triangle, aside: f64) -> Option<Cut> {
     let area = |a: &Vector<2>, b: &Vector<2>| a[0] * b[1] - a[1] * b[0];
     let sign = |i: usize| area(&places[i], &edges[i]);
     let is_through =
-        (0..3).all(|i| sign(i) > ZERO) || (0..3).all(|i| sign(i) < ZERO);
+        (0..3).all(|i| sign(i) > 0.) || (0..3).all(|i| sign(i) < 0.);
     let apart = (0..3).map(|i| from_segment(&places[i], &edges[i]));
     let apart = apart.fold(f64::INFINITY, f64::min);
     if !is_through && apart > aside {
         return None;
     }
     // The heights of the corners bound that of the hit.
-    let heights = ways.map(|way| way[z].0);
+    let heights = ways.map(|way| way[z].hi());
     let least = heights.into_iter().fold(f64::INFINITY, f64::min);
     let most = heights.into_iter().fold(f64::NEG_INFINITY, f64::max);
     let (mut low, mut high, mut plane) = (least, most, 0.);
     let whole = area(&edges[0], &edges[1]);
     let longest =
-        edges.map(|e| length(&e).0).into_iter().fold(0., f64::max);
+        edges.map(|e| length(&e).hi()).into_iter().fold(0., f64::max);
     // The plane's slope turns a displacement aside into one along the ray.
-    if whole.0.abs() > 2f64.powi(-90) * longest * longest {
+    if whole.hi().abs() > 2f64.powi(-90) * longest * longest {
         let [[a, b], [c, e]] = [edges[0], edges[1]];
         let [rise, other] = [sides[0][z], sides[1][z]];
         let slope = [
@@ -200,19 +127,19 @@ pub fn cut(ray: &Ray, corners: &Triangle, aside: f64) -> Option<Cut> {
             (other * a - rise * c) / whole,
         ];
         let height = ways[0][z] - dot(&slope, &places[0]);
-        let doubt = length(&slope).0 * (aside * (1. + 1e-9));
-        plane = height.0;
+        let doubt = length(&slope).hi() * (aside * (1. + 1e-9));
+        plane = height.hi();
         (low, high) = (low.max(plane - doubt), high.min(plane + doubt));
         (low, high) = (low.min(high), high.max(low));
     }
     let stretch = 1. / d[z];
     let (s, t) = (low * stretch, high * stretch);
     let normal = cross(&sides[0], &sides[1]);
-    let direction = d.map(|x| Twofold(x, 0.));
-    let steep = dot(&normal, &direction).0.abs() / length(&normal).0;
+    let direction = d.map(TwoFloat::from);
+    let steep = dot(&normal, &direction).hi().abs() / length(&normal).hi();
     // Each component of a side is rounded by U of itself.
-    let product = length(&sides[0]).0 * length(&sides[1]).0;
-    let tilt = 8. * U * (1. + product / length(&normal).0);
+    let product = length(&sides[0]).hi() * length(&sides[1]).hi();
+    let tilt = 8. * U * (1. + product / length(&normal).hi());
     Some(Cut {
         is_clear: is_through && apart > aside,
         low: s.min(t),

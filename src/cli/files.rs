@@ -1,0 +1,102 @@
+// Tangled from chapters/program.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The files of a run: those that it will write, none of them touched yet,
+//! and the image that it is compared with.
+
+use std::path::{Path, PathBuf};
+
+use super::progress;
+use crate::compare::disagreements;
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::output::{OutputTarget, refuse_aliases};
+use crate::plan::{Outputs, Plan, Product, is_dash};
+use crate::run_output::attributes;
+use crate::world::World;
+
+/// The files that a run will write.
+///
+/// # Errors
+/// A file is named twice, or cannot be written.
+pub fn open(plan: &Plan) -> Result<Vec<(Product, OutputTarget)>> {
+    let Outputs { files, force, replaced, .. } = &plan.outputs;
+    let (scene, points) = (&*plan.scene, plan.points());
+    let reference = plan.reference.as_deref();
+    let others = [reference, points];
+    if is_dash(scene) && others.into_iter().flatten().any(is_dash) {
+        return Err("standard input can be read once only".into());
+    }
+    let read = [Some(scene), reference, plan.cache.as_deref(), points];
+    let written = files.iter().map(|(_, path)| path.as_path());
+    refuse_aliases(read.into_iter().flatten(), written)?;
+    // Open what is new, or may be replaced
+    let may_replace = |path: &Path| {
+        let old = replaced.iter().map(|old| old.canonicalize());
+        let is_own = |new| old.flatten().any(|old| old == new);
+        *force || path.canonicalize().is_ok_and(is_own)
+    };
+    let open = |(product, path): &(Product, PathBuf)| {
+        Ok((*product, OutputTarget::file(path, may_replace(path))?))
+    };
+    files.iter().map(open).collect()
+}
+
+/// The image that a plan is compared with, if there is one.
+///
+/// # Errors
+/// It cannot be read whole, or is not as large as ours.
+pub fn reference(plan: &Plan) -> Result<Option<Image>> {
+    let (Some(path), Some(camera)) = (&plan.reference, plan.camera())
+    else {
+        return Ok(None);
+    };
+    // Read an image that needs no note
+    let mut faults = Vec::new();
+    let note = &mut |fault: &str| faults.push(fault.to_owned());
+    let image = Image::read_noting(path, note)?;
+    if let Some(fault) = faults.first() {
+        let fault = format!(
+            "{fault}; a reference needs the radiance of each pixel"
+        );
+        return Err(fault.into());
+    }
+    let (name, (w, h)) = (path.display(), camera.window().size);
+    let Image { width, height, .. } = image;
+    if (width, height) != (w, h) {
+        let fault = format!(
+            "is {width}x{height} pixels large, and the image {w}x{h}"
+        );
+        return Err(Error::from(fault).of_file(name));
+    }
+    // Warn of a reference with our seed
+    if image.attributes.get("seed") == Some(&plan.seed.to_string()) {
+        progress::warn(
+            "the reference has the seed of this run: its true errors are \
+             larger than they will seem (choose another seed with -s)",
+        );
+    }
+    Ok(Some(image))
+}
+
+/// Refuses a reference that shows something else than a world.
+///
+/// # Errors
+/// It does; what differs is named.
+pub fn check_reference(
+    plan: &Plan,
+    reference: Option<&Image>,
+    world: &World,
+) -> Result<()> {
+    let (Some(image), Some(path)) = (reference, &plan.reference) else {
+        return Ok(());
+    };
+    let mut ours = attributes(&world.subject);
+    ours.insert("scene_sha256".into(), world.file.sha256.clone());
+    let differing = disagreements(&image.attributes, &ours).join(", ");
+    if differing.is_empty() {
+        return Ok(());
+    }
+    let fault = format!("shows something else than this run: {differing}");
+    Err(Error::from(fault).of_file(path.display()))
+}

@@ -1,0 +1,55 @@
+// Tangled from chapters/program.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The processes that render one image.
+
+use std::time::Instant;
+
+use super::progress;
+use super::run::start_threads;
+use super::watchdog;
+use crate::error::Result;
+use crate::host::Host;
+use crate::inputs::{Inputs, in_first_rank};
+use crate::integrator::{Communicator, SingleProcess};
+use crate::key::RunKey;
+use crate::plan::Plan;
+use crate::render::Renderer;
+use crate::run::{History, Run};
+use crate::world::World;
+
+/// The processes that render one image, as each of them sees them.
+pub trait Ranks: Communicator {
+    /// A renderer of all of them, given that of the first.
+    fn lead<'a>(
+        &self,
+        own: Box<dyn Renderer + 'a>,
+        _: &'a RunKey,
+    ) -> Box<dyn Renderer + 'a> {
+        own
+    }
+
+    /// Renders for the first until there is nothing more to do.
+    fn serve(&self, _: Box<dyn Renderer + '_>, _: &RunKey) {}
+}
+
+impl Ranks for SingleProcess {}
+
+/// Renders for the process that leads, until it has nothing more to do.
+///
+/// # Errors
+/// The scene cannot be rendered here, or the first process has ended.
+pub fn follow(ranks: &dyn Ranks) -> Result<()> {
+    let _ = watchdog::listen();
+    progress::set_quiet(true);
+    let host = Host { listen: &|_| (), ranks, start: Instant::now() };
+    let plan: Plan = in_first_rank(host, || Err("leads".into()))?;
+    let plan = plan.restored();
+    start_threads(&plan)?;
+    let inputs = Inputs::read(&plan, host)?;
+    let world = World::new(&plan, inputs, host)?;
+    let run = Run::new(&world, &plan, &History::default(), host)?;
+    let Run { renderer, key, .. } = run;
+    ranks.serve(renderer, &key);
+    Ok(())
+}

@@ -1,0 +1,374 @@
+// Tangled from chapters/options.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! From what was typed to a plan: each default is resolved here, and what
+//! does not fit together is refused. Nothing else sees the options.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::options::{Error, Options, usage};
+use super::values::Norm;
+use crate::bvh::Isa;
+use crate::film::{ErrorNorm, SIDE, Window};
+use crate::image::Format;
+use crate::key::Part;
+use crate::output::{descriptor, format_of};
+use crate::plan::{Budget, CameraPlan, Outputs, Plan, Product, SensorPlan};
+use crate::plan::{SkyPlan, Stand, SurfacePlan, is_dash};
+use crate::render::choose::default_samples;
+use crate::report::Kind;
+use crate::sensor::table::TableFormat;
+use crate::state::shards::is_state_name;
+
+impl Options {
+    /// The plan of a run, of which a part may have been saved; a picture that
+    /// is not named is a PNG beside the scene if standard output is a
+    /// terminal.
+    ///
+    /// # Errors
+    /// Options do not fit together, or may not change what was saved.
+    pub fn plan(
+        &self,
+        saved: Option<&Plan>,
+        is_terminal: bool,
+    ) -> Result<Plan, Error> {
+        let fault = |fault: String| usage(fault, "pt");
+        let plan = match saved {
+            None => self.new_plan(is_terminal)?,
+            Some(saved) => self.resumed(saved)?,
+        };
+        match self.misfit(&plan) {
+            Some(misfit) => Err(fault(misfit)),
+            None => Ok(plan),
+        }
+    }
+
+    /// The plan of a new run.
+    fn new_plan(&self, is_terminal: bool) -> Result<Plan, Error> {
+        let Self { scene, limits, parts, execution, .. } = self;
+        let named = scene.scene.as_ref().or(scene.input.as_ref());
+        let unnamed = |(name, _): &&(String, f64)| name.is_empty();
+        let all = &scene.albedos;
+        let surfaces = SurfacePlan {
+            albedo: all.iter().rev().find(unnamed).map_or(1., |&(_, a)| a),
+            named: all.iter().filter(|a| !unnamed(a)).cloned().collect(),
+            materials: scene.materials,
+            band: scene.band,
+        };
+        let mut plan = Plan {
+            scene: named.cloned().unwrap_or("-".into()),
+            sensor: self.sensor(),
+            up: self.camera.up,
+            surfaces,
+            sky: SkyPlan {
+                cover: scene.sky,
+                zenith: scene.zenith,
+                ground: scene.ground,
+            },
+            method: limits.integrator,
+            seed: limits.seed,
+            cache: parts.cache.clone(),
+            shortcuts: !execution.no_shortcuts,
+            threads: execution.threads,
+            isa: execution.isa.unwrap_or_else(Isa::best),
+            reference: self.outputs.reference.clone(),
+            ..Plan::default()
+        };
+        self.limit(&mut plan);
+        plan.outputs = self.new_outputs(&plan, is_terminal)?;
+        Ok(plan)
+    }
+
+    /// What senses the light.
+    fn sensor(&self) -> SensorPlan {
+        let Self { camera, receivers, .. } = self;
+        if let Some(path) = &receivers.points {
+            return SensorPlan::Points(path.clone());
+        }
+        if let Some(side) = receivers.faces {
+            let radiosity = receivers.radiosity;
+            return SensorPlan::Faces { side, radiosity };
+        }
+        if receivers.vertices {
+            return SensorPlan::Vertices;
+        }
+        let stand = match (camera.position, camera.target) {
+            (None, None) => Stand::Outside(
+                camera.viewpoint.unwrap_or(crate::camera::Viewpoint::Iso),
+            ),
+            (position, target) => Stand::At(
+                position.unwrap_or(DVec3::ZERO),
+                target.unwrap_or(DVec3::Y),
+            ),
+        };
+        SensorPlan::Camera(CameraPlan {
+            resolution: camera.resolution,
+            crop: camera.crop,
+            stand,
+            fov: camera.fov,
+            background: camera.background,
+        })
+    }
+
+    /// Sets when a run ends, and which part of it there is.
+    fn limit(&self, plan: &mut Plan) {
+        let Self { limits, parts, .. } = self;
+        let error = limits.error.map(|(error, relative)| {
+            let largest = matches!(limits.error_norm, Norm::Max);
+            (error, ErrorNorm { relative, largest })
+        });
+        let is_open = limits.time.is_none() && error.is_none();
+        let usual = default_samples(plan.camera().is_none());
+        let samples = limits.samples.or(is_open.then_some(usual));
+        plan.budget = Budget { samples, time: limits.time, error };
+        let is_part = parts.range.is_some() || parts.tiles.is_some();
+        plan.part = limits.samples.filter(|_| is_part).map(|of| Part {
+            samples: parts.range.unwrap_or((0, of)),
+            of,
+            band: parts.tiles.unwrap_or((1, 1)),
+        });
+    }
+
+    /// What a new run writes.
+    fn new_outputs(
+        &self,
+        plan: &Plan,
+        is_terminal: bool,
+    ) -> Result<Outputs, Error> {
+        let Self { outputs, parts, execution, .. } = self;
+        let is_named =
+            !outputs.output.is_empty() || outputs.format.is_some();
+        let shows = plan.camera().is_some() && !execution.dry_run;
+        let mut all = Outputs {
+            force: outputs.force,
+            checkpoint_interval: parts.checkpoint_interval.unwrap_or(60.),
+            preview: outputs.preview,
+            exposure: outputs.exposure,
+            filter: !outputs.no_filter,
+            ..Outputs::default()
+        };
+        all.files = self.files(plan, &outputs.output)?;
+        if !is_named && shows && is_terminal && !is_dash(&plan.scene) {
+            let image = (Product::Image(Format::Png), beside(&plan.scene));
+            all.files[0] = image;
+            all.exposure = all
+                .exposure
+                .or(Some(crate::compare::display::Exposure::Auto));
+        }
+        Ok(all)
+    }
+
+    /// The files that are typed, and what they hold: first images or values,
+    /// standard output if none is named; then the state; then reports.
+    fn files(
+        &self,
+        plan: &Plan,
+        named: &[PathBuf],
+    ) -> Result<Vec<(Product, PathBuf)>, Error> {
+        let usual = self.outputs.format.unwrap_or(Format::Pgm);
+        let has_vertices = plan.sensor == SensorPlan::Vertices;
+        let is_list = plan.camera().is_none();
+        let (states, mut images): (Vec<_>, Vec<_>) =
+            named.iter().cloned().partition(|path| is_state_name(path));
+        if named.is_empty() {
+            images.push("-".into());
+        }
+        let image = |path: PathBuf| {
+            let product = match is_list {
+                true => {
+                    Product::Table(TableFormat::of(&path, has_vertices)?)
+                }
+                false => Product::Image(format_of(&path, usual)?),
+            };
+            Ok((product, path))
+        };
+        // Find the one state of the run
+        let states =
+            self.parts.checkpoint.clone().into_iter().chain(states);
+        let states: Vec<_> =
+            states.map(|path| (Product::State, path)).collect();
+        if states.len() > 1 {
+            let fault =
+                "a run has one state, which --checkpoint or one -o names";
+            return Err(usage(fault, "pt"));
+        }
+        let report = |path: &PathBuf| match Kind::of(path)? {
+            Kind::Html if is_list => Err(format!(
+                "{}: a page shows an image, and receivers have none",
+                path.display()
+            )),
+            kind => Ok((Product::Report(kind), path.clone())),
+        };
+        let images = images.into_iter().map(image);
+        let reports = self.outputs.report.iter().map(report);
+        let all = images.chain(states.into_iter().map(Ok)).chain(reports);
+        Ok(all.collect::<Result<_, String>>()?)
+    }
+
+    /// The plan of a run that goes on: of what is typed, limits, outputs, the
+    /// threads and the instructions are taken.
+    fn resumed(&self, saved: &Plan) -> Result<Plan, Error> {
+        let has = |names: &[&str]| {
+            self.given.iter().any(|given| names.contains(&&given[..]))
+        };
+        let allowed = [LIMITS, FILES, OTHERS].concat();
+        let not = |id: &&String| !allowed.contains(&&id[..]);
+        if let Some(id) = self.given.iter().find(not) {
+            let name = match &id[..] {
+                "scene" => "FILE".to_owned(),
+                id => format!("--{}", id.replace('_', "-")),
+            };
+            return Err(usage(
+                format!(
+                    "{name} cannot be given with --resume: the run goes on as \
+                     it was begun"
+                ),
+                "pt",
+            ));
+        }
+        let mut plan = saved.clone();
+        if has(LIMITS) {
+            self.limit(&mut plan);
+        }
+        let Self { outputs, parts, execution, .. } = self;
+        plan.threads = execution.threads.or(plan.threads);
+        plan.isa = execution.isa.unwrap_or_else(Isa::best);
+        // Replace the files that are named anew
+        let old = saved.outputs.files.iter().map(|(_, path)| path.clone());
+        let old = old.chain(parts.resume.clone());
+        let state = |all: &[(Product, PathBuf)]| {
+            let mut states = all.iter().filter(|f| f.0 == Product::State);
+            states.next().cloned()
+        };
+        let typed = self.files(&plan, &outputs.output)?;
+        let all = &mut plan.outputs;
+        all.replaced.extend(old);
+        let kept = state(&typed).or(state(&all.files));
+        let resumed = parts.resume.clone().unwrap_or_default();
+        let kept = kept.unwrap_or((Product::State, resumed));
+        let is_report =
+            |file: &(Product, _)| matches!(file.0, Product::Report(_));
+        let is_image = |file: &(Product, _)| {
+            file.0 != Product::State && !is_report(file)
+        };
+        let pick =
+            |is_new: bool,
+             is_meant: &dyn Fn(&(Product, PathBuf)) -> bool| {
+                let from = if is_new { &typed } else { &all.files };
+                from.iter()
+                    .filter(|f| is_meant(f))
+                    .cloned()
+                    .collect::<Vec<_>>()
+            };
+        let images = pick(has(&["output", "format"]), &is_image);
+        let reports = pick(has(&["report"]), &is_report);
+        all.files = [images, vec![kept], reports].concat();
+        all.force = outputs.force;
+        all.preview |= outputs.preview;
+        all.exposure = outputs.exposure.or(all.exposure);
+        all.filter &= !outputs.no_filter;
+        let interval = parts.checkpoint_interval;
+        all.checkpoint_interval =
+            interval.unwrap_or(all.checkpoint_interval);
+        Ok(plan)
+    }
+
+    /// What does not fit together, if anything.
+    fn misfit(&self, plan: &Plan) -> Option<String> {
+        let Self { limits, outputs, parts, .. } = self;
+        let state = plan.outputs.of(|p| p == Product::State).next();
+        let is_open = |path: &Path| descriptor(path).is_some();
+        let shows = |product| product != Product::State;
+        let mut shown = plan.outputs.files.iter().filter(|f| shows(f.0));
+        let is_part = parts.range.is_some() || parts.tiles.is_some();
+        let is_limited = limits.time.is_some() || limits.error.is_some();
+        let is_png = |product| product == Product::Image(Format::Png);
+        let fault = if parts.checkpoint_interval.is_some()
+            && state.is_none()
+        {
+            "--checkpoint-interval needs --checkpoint"
+        } else if state.is_some_and(is_dash) {
+            "--checkpoint needs a file"
+        } else if outputs.format.is_some()
+            && !plan.outputs.of(shows).any(is_open)
+        {
+            "--format is for standard output"
+        } else if outputs.preview
+            && plan.outputs.of(is_png).next().is_none()
+        {
+            "--preview needs a PNG file, as in -o a.png"
+        } else if is_part && (limits.samples.is_none() || is_limited) {
+            "--samples and --tiles need -n, the samples of the whole run, and \
+             neither --time nor --error"
+        } else if parts
+            .range
+            .is_some_and(|(_, end)| Some(end) > limits.samples)
+        {
+            "--samples ends after the samples of the whole run, which are -n"
+        } else if parts.range.is_some_and(|(a, b)| a == b)
+            && shown.next().is_some()
+        {
+            "--samples A..A only learns, and writes a state: -o a.litpt"
+        } else if parts.tiles.is_some() && plan.reference.is_some() {
+            "--tiles renders a part of the image, and --reference needs all of it"
+        } else {
+            return misplaced(plan.camera()?, plan.part);
+        };
+        Some(fault.to_owned())
+    }
+}
+
+/// Options that say when a run ends.
+const LIMITS: &[&str] =
+    &["samples", "time", "error", "error_norm", "range", "tiles"];
+
+/// Options that say what is written.
+const FILES: &[&str] = &[
+    "output",
+    "format",
+    "report",
+    "checkpoint",
+    "checkpoint_interval",
+    "force",
+    "preview",
+    "exposure",
+    "no_filter",
+    "resume",
+];
+
+/// Other options that a run may be resumed with.
+const OTHERS: &[&str] = &["threads", "isa", "quiet"];
+
+/// The PNG beside a scene.
+fn beside(scene: &Path) -> PathBuf {
+    let mut path = scene.to_owned();
+    if path.extension().is_some_and(|e| e == "gz" || e == "zst") {
+        path.set_extension("");
+    }
+    path.set_extension("png");
+    path
+}
+
+/// Why a window or a part of it is not within the image, if it is not.
+fn misplaced(camera: &CameraPlan, part: Option<Part>) -> Option<String> {
+    let (width, height) = camera.resolution;
+    let window = camera.window();
+    let Window { corner: (x, y), size: (w, h) } = window;
+    let fits = |at, n, side| at < side && n <= side - at;
+    if !(fits(x, w, width) && fits(y, h, height)) {
+        return Some(format!(
+            "--crop {}: does not lie within the image of \
+             {width}x{height} pixels",
+            String::from(window)
+        ));
+    }
+    let ((k, n), rows) = (part?.band, window.tile_rows(SIDE));
+    (n > rows).then(|| {
+        format!(
+            "--tiles {k}/{n}: the image has {rows} rows of tiles, and not \
+             more bands"
+        )
+    })
+}

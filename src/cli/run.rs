@@ -1,0 +1,334 @@
+// Tangled from chapters/program.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The way of a command: from its words to its files.
+
+use std::collections::BTreeSet;
+use std::env;
+use std::io::{self, IsTerminal};
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anstream::{AutoStream, ColorChoice};
+use clap::CommandFactory;
+use clap::builder::StyledStr;
+use rayon::ThreadPoolBuilder;
+
+use super::files;
+use super::options::{Error, Options};
+use super::progress::{self, ProgressBar, render_bar, update};
+use super::ranks::Ranks;
+use super::watchdog::{Watchdog, hard_deadline, listen, status};
+use crate::analysis::Finding;
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::film::Film;
+use crate::host::Host;
+use crate::image::{Format, Image};
+use crate::inputs::{Inputs, in_first_rank};
+use crate::output::OutputTarget;
+use crate::plan::{Plan, Product, is_dash};
+use crate::render_loop::{Convergence, Limits, Stop};
+use crate::run::{History, Run};
+use crate::run_output::RunOutput;
+use crate::sensor::INSIDE;
+use crate::state::checkpoint::{Checkpoint, Known};
+use crate::world::World;
+
+/// Runs `pt` with the words of the process, which leads `ranks`; returns its
+/// exit status.
+pub fn main_with(ranks: &dyn Ranks) -> ExitCode {
+    #[cfg(target_env = "gnu")]
+    give_arrays_back();
+    let start = Instant::now();
+    if env::args_os().len() <= 1 && io::stdin().is_terminal() {
+        let _ = print(&Options::command().render_help());
+        return ExitCode::from(2);
+    }
+    let options = Options::parse(env::args_os());
+    let done = options.and_then(|options| run(&options, start, ranks));
+    done.map_or_else(fail, |stop| status(stop, 0).into())
+}
+
+/// Says why a program ends, and with which status.
+pub fn fail(error: Error) -> ExitCode {
+    let (message, status) = match error {
+        Error::Help(text) => match print(&text) {
+            Ok(()) => return ExitCode::SUCCESS,
+            Err(error) => (error.to_string(), 1),
+        },
+        Error::Usage(message) => (message, 2),
+        Error::Failure(message) => (message, 1),
+    };
+    progress::error(&message);
+    ExitCode::from(status)
+}
+
+/// Prints a text on standard output, on a terminal in colour.
+fn print(text: &StyledStr) -> Result<()> {
+    let plain = AutoStream::choice(&io::stdout()) == ColorChoice::Never;
+    OutputTarget::standard_output()?.write(&mut |out| match plain {
+        true => write!(out, "{text}"),
+        false => write!(out, "{}", text.ansi()),
+    })
+}
+
+/// Has the allocator give each dropped array back to the system if it is
+/// larger than a quarter of a megabyte.
+#[cfg(target_env = "gnu")]
+fn give_arrays_back() {
+    // SAFETY: a parameter of the allocator, which it may refuse.
+    unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, 1 << 18) };
+}
+
+fn run(
+    options: &Options,
+    start: Instant,
+    ranks: &dyn Ranks,
+) -> Result<Stop, Error> {
+    // Resolve what was typed
+    let resume = options.parts.resume.as_deref();
+    let state = resume.map(Checkpoint::of_file).transpose()?;
+    let saved = state.as_ref().map(|s| s.known.plan.clone().restored());
+    let is_terminal = io::stdout().is_terminal();
+    let plan = options.plan(saved.as_ref(), is_terminal)?;
+    let execution = &options.execution;
+    progress::set_quiet(execution.quiet);
+    let shown = shown(options, &plan);
+    // Watch for signals from the start
+    let end = hard_deadline(&plan.budget, start);
+    let end = end.filter(|_| !execution.dry_run);
+    let watchdog = Watchdog::spawn(listen()?, end);
+    let host = Host { listen: &|event| watchdog.hear(event), ranks, start };
+    // Check what needs no scene, and prepare the scene
+    check(&plan)?;
+    start_threads(&plan)?;
+    let targets = files::open(&plan)?;
+    let reference = files::reference(&plan)?;
+    let cache = plan.cache.as_deref();
+    let cache = cache.map(Checkpoint::of_file).transpose()?;
+    let directory = env::current_dir().unwrap_or_default();
+    in_first_rank(host, || Ok(plan.saved(&directory)))?;
+    let inputs = Inputs::read(&plan, host)?;
+    let world = World::new(&plan, inputs, host)?;
+    files::check_reference(&plan, reference.as_ref(), &world)?;
+    // Choose how samples are made, and make them
+    let history = History { state, cache };
+    let run = Run::new(&world, &plan, &history, host)?;
+    if execution.dry_run {
+        return Ok(describe(&plan, &world, &run)?);
+    }
+    let files = Files { targets, reference, shown };
+    Ok(render(run, history.state, files, ranks, &watchdog)?)
+}
+
+/// The image that is written though it was not named.
+fn shown<'a>(options: &Options, plan: &'a Plan) -> Option<&'a Path> {
+    let outputs = &options.outputs;
+    let is_png = |product| product == Product::Image(Format::Png);
+    let image = plan.outputs.of(is_png).find(|path| !is_dash(path));
+    image.filter(|_| {
+        outputs.output.is_empty() && options.parts.resume.is_none()
+    })
+}
+
+/// Checks the camera, if the plan has placed it.
+fn check(plan: &Plan) -> Result<()> {
+    let up = plan.up.unwrap_or(glam::DVec3::Z);
+    let placed = plan.camera().filter(|camera| camera.is_placed());
+    placed.map_or(Ok(()), |camera| {
+        Ok(Camera::new(&camera.view(up), camera.aspect()).map(drop)?)
+    })
+}
+
+/// Starts as many threads as a plan says.
+///
+/// # Errors
+/// The system refuses them.
+pub fn start_threads(plan: &Plan) -> Result<()> {
+    let threads = plan.threads.unwrap_or(0) as usize;
+    let pool = ThreadPoolBuilder::new().num_threads(threads);
+    pool.build_global()
+        .map_err(|e| format!("cannot start threads: {e}").into())
+}
+
+/// Prints what can be left out, and what the rest is made of.
+fn describe(plan: &Plan, world: &World, run: &Run) -> Result<Stop> {
+    let analysis = &world.analysis;
+    let mut lines = String::new();
+    for Finding { name, applies, reason } in &analysis.findings {
+        let sign = if *applies { "left out" } else { "-" };
+        lines += &format!("{name:13}{sign:10}{reason}\n");
+    }
+    // Name the parts that do the rest
+    let method = run.key.sampling.method.to_string();
+    let why = run.choice.as_ref().map_or(method.clone(), |c| c.to_string());
+    let parts = match analysis.known_pixels.is_all() {
+        true => "none: no ray".to_owned(),
+        false => format!("{}; {method}", plan.isa),
+    };
+    for (name, text) in [("method", why), ("intersector", parts)] {
+        lines += &format!("{name:13}{text}\n");
+    }
+    let out = OutputTarget::standard_output()?;
+    out.write(&mut |out| out.write_all(lines.as_bytes()))?;
+    Ok(Stop::Samples)
+}
+
+/// The files of a run.
+struct Files<'a> {
+    targets: Vec<(Product, OutputTarget)>,
+    reference: Option<Image>,
+    /// The image that is written though it was not named.
+    shown: Option<&'a Path>,
+}
+
+/// Renders until a limit is reached, and writes the files of the run.
+fn render(
+    run: Run,
+    state: Option<Checkpoint>,
+    files: Files,
+    ranks: &dyn Ranks,
+    watchdog: &Watchdog,
+) -> Result<Stop> {
+    let (mut film, mut convergence) = run.film(state)?;
+    let directory = env::current_dir().unwrap_or_default();
+    let (mut limits, report) = (run.limits(), run.report());
+    let Run { plan, world, host, key, learnt, renderer, .. } = run;
+    let renderer = &mut *ranks.lead(renderer, &key);
+    // Prepare the files of the run
+    let (run_key, saved) = (key.clone(), plan.saved(&directory));
+    let known = Known { run_key, plan: saved, report, learnt };
+    let view = world.view();
+    let scene = plan.camera().map(|_| (&world.bvh, &view));
+    let mut output =
+        RunOutput::new(files.targets, &plan.outputs, known, scene);
+    output.table = world.table();
+    // Collect the limits
+    let began = Instant::now();
+    let left = limits.deadline.map(|end| {
+        end.saturating_duration_since(began).as_secs_f64() * 2. / 3.
+    });
+    let seconds = output.seconds_to_write(film.area());
+    limits.reserve = seconds.map(|s| s.min(left.unwrap_or(0.)));
+    let reference = files.reference.as_ref();
+    limits.reference = reference.map(|image| &image.means[..]);
+    limits.interrupt = Some(&watchdog.interrupt);
+    // Render, with a bar that is up to date
+    let bar = render_bar(host.start, plan.budget.time);
+    watchdog.renders(bar.clone());
+    let shows = Shows { bar: &bar, limits: &limits, area: film.area() };
+    shows.begin(renderer.training_rays(shows.area), &convergence);
+    let mut after = |convergence: &Convergence, film: &Film| {
+        shows.update(convergence);
+        let written = output.write(convergence, film, Some(Instant::now()));
+        if let Err(error) = written {
+            bar.suspend(|| progress::warn(&error.to_string()));
+        }
+    };
+    let advance = |n| bar.inc(n);
+    let stop =
+        convergence.run(renderer, &mut film, &limits, &advance, &mut after);
+    bar.finish_and_clear();
+    let late = limits.deadline.is_some_and(|end| began > end);
+    if late || (convergence.spp == 0 && stop == Stop::Time) {
+        progress::warn(
+            "loading, building and the first sample of each pixel took \
+             longer than --time allows",
+        );
+    }
+    // End without an image if there is no sample
+    let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
+    if is_over && film.unsampled() == film.area() {
+        let learns = renderer.training_rays(film.area()) > 0;
+        let doing = if learns { "learning" } else { "rendering" };
+        let message = stop.without_image(doing);
+        if stop == Stop::Time {
+            return Err(message.into());
+        }
+        progress::error(&message);
+        return Ok(stop);
+    }
+    finish(output, &film, &convergence, (host, files.shown))?;
+    Ok(stop)
+}
+
+/// A bar that shows how far a run is.
+struct Shows<'a> {
+    bar: &'a ProgressBar,
+    limits: &'a Limits<'a>,
+    /// The number of pixels.
+    area: u64,
+}
+
+impl Shows<'_> {
+    /// Shows that so many rays of training come first, if any.
+    fn begin(&self, training: u64, convergence: &Convergence) {
+        match training {
+            0 => self.update(convergence),
+            rays => {
+                let what = "learning, ".to_owned();
+                update(self.bar, (0, Some(rays)), "rays", what);
+            }
+        }
+    }
+
+    /// Shows how far a run is.
+    fn update(&self, convergence: &Convergence) {
+        let &Self { bar, limits, area } = self;
+        let spp = convergence.expected(limits, area);
+        let expected = spp.map(|spp| spp.saturating_mul(area));
+        let paths = convergence.spp.saturating_mul(area);
+        let mut text = format!("{} spp, ", convergence.spp);
+        if let Some(rmse) = convergence.last().rmse {
+            text += &format!("rmse {rmse:.2e}, ");
+        }
+        update(bar, (paths, expected), "paths", text);
+    }
+}
+
+/// Writes the files a last time, and prints what is to be known of the run.
+fn finish(
+    mut output: RunOutput,
+    film: &Film,
+    convergence: &Convergence,
+    (host, shown): (Host, Option<&Path>),
+) -> Result<()> {
+    let only_learns = output.known.run_key.only_learns();
+    if !only_learns {
+        warn_of_receivers(&output, film, host);
+    }
+    output.write(convergence, film, None)?;
+    if only_learns {
+        let Convergence { rays, seconds, .. } = convergence;
+        progress::inform(&format!("learnt    {rays} rays, {seconds:.3} s"));
+        return Ok(());
+    }
+    // Print the summary
+    if !progress::is_quiet() {
+        let report = output.known.report.complete(film);
+        let file = shown.map(|path| ("file", path.display().to_string()));
+        for (name, text) in
+            report.summary(film.area()).into_iter().chain(file)
+        {
+            progress::inform(&format!("{name:10}{text}"));
+        }
+    }
+    Ok(())
+}
+
+/// Warns of receivers that get no light, and of those that seem to be inside
+/// a body.
+fn warn_of_receivers(output: &RunOutput, film: &Film, host: Host) {
+    let Some((table, all)) = output.table else { return };
+    let first = film.window.corner.1 as usize;
+    let means = all.numbers[first..].iter().zip(film.means());
+    let dark = means.filter(|(_, mean)| *mean == 0.);
+    let dark: BTreeSet<_> = dark.map(|(number, _)| number).collect();
+    if dark.len() as u64 == film.area() {
+        host.warn("no light arrives: does a face close each opening?");
+    }
+    let is_meant = |why, number| why == INSIDE && dark.contains(&number);
+    host.warn_all(&table.file, table.odd(all, is_meant));
+}

@@ -1,0 +1,162 @@
+// Tangled from chapters/options.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The values of options: what they are, and what is expected instead.
+
+use std::num::{IntErrorKind, ParseIntError};
+use std::str::FromStr;
+
+use clap::ValueEnum;
+use glam::DVec3;
+
+use crate::film::digits;
+use crate::render::choose::Method;
+
+/// Parses a finite real number.
+pub fn parse_real(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(real) if real.is_finite() => Ok(real),
+        Ok(_) => Err(format!("{text} is not a finite number")),
+        Err(_) => Err(format!("'{text}' is not a real number")),
+    }
+}
+
+pub fn parse_vector(text: &str) -> Result<DVec3, String> {
+    let parts = text.split(',').map(|part| parse_real(part.trim()));
+    match parts.collect::<Result<Vec<_>, _>>()?[..] {
+        [x, y, z] => Ok(DVec3::new(x, y, z)),
+        _ => Err("expected three reals around two commas".to_owned()),
+    }
+}
+
+/// Parses a vector or the name of an axis.
+pub fn parse_direction(text: &str) -> Result<DVec3, String> {
+    match text {
+        "x" => Ok(DVec3::X),
+        "y" => Ok(DVec3::Y),
+        "z" => Ok(DVec3::Z),
+        _ => match parse_vector(text)? {
+            DVec3::ZERO => Err("a direction is not zero".to_owned()),
+            vector => Ok(vector),
+        },
+    }
+}
+
+/// The method that is asked for; none if a pilot is to choose one.
+pub type Choice = Option<Method>;
+
+/// Parses the name of a method, or `auto`.
+pub fn parse_method(name: &str) -> Result<Choice, String> {
+    let mut all = Method::ALL.into_iter();
+    match all.find(|method| method.to_string() == name) {
+        None if name != "auto" => {
+            Err("expected auto, reference, sobol or gather".to_owned())
+        }
+        method => Ok(method),
+    }
+}
+
+/// Which error is limited.
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub enum Norm {
+    /// The root mean square of all pixels.
+    Rms,
+    /// That of the worst pixel.
+    Max,
+}
+
+/// Parses an error to reach, and whether it is relative.
+pub fn parse_target(text: &str) -> Result<(f64, bool), String> {
+    if ["rms", "max"].contains(&text) {
+        return Err(format!(
+            "expected a number; --error-norm {text} is what \
+             it limits"
+        ));
+    }
+    let positive = only(parse_real, |&x| x > 0., POSITIVE);
+    let part = text.strip_suffix('%');
+    let unit = if part.is_some() { 0.01 } else { 1. };
+    let error = unit * positive(part.unwrap_or(text))?;
+    Ok((error, part.is_some()))
+}
+
+/// Parses an albedo, which may be a percentage.
+pub fn parse_albedo(text: &str) -> Result<f64, String> {
+    only(parse_share, |x| (0. ..=1.).contains(x), ALBEDO)(text)
+}
+
+/// Parses a part of a whole: a number, or a percentage.
+pub fn parse_share(text: &str) -> Result<f64, String> {
+    match text.strip_suffix('%') {
+        Some(percent) => Ok(parse_real(percent.trim_end())? / 100.),
+        None => parse_real(text),
+    }
+}
+
+/// Parses an albedo behind the name that has it, which may be empty.
+pub fn parse_named_albedo(text: &str) -> Result<(String, f64), String> {
+    let (name, albedo) = text.rsplit_once('=').unwrap_or(("", text));
+    Ok((name.to_owned(), parse_albedo(albedo)?))
+}
+
+/// A parser of the values that are valid, which are `expected` in words.
+pub fn only<T>(
+    parse: fn(&str) -> Result<T, String>,
+    is_valid: fn(&T) -> bool,
+    expected: &'static str,
+) -> impl Fn(&str) -> Result<T, String> + Clone {
+    move |text| match parse(text)? {
+        value if is_valid(&value) => Ok(value),
+        _ => Err(expected.to_owned()),
+    }
+}
+
+pub const ANGLE: &str = "expected an angle strictly between 0 and 180";
+
+pub const ALBEDO: &str = "expected an albedo between 0 and 1";
+
+pub const NOT_NEGATIVE: &str = "expected a number that is not negative";
+
+pub const POSITIVE: &str = "expected a number greater than zero";
+
+pub const SAMPLES: &str = "a pixel needs at least one sample";
+
+pub const THREADS: &str = "expected an integer between 1 and 4096";
+
+pub fn parse_whole(text: &str) -> Result<u64, String> {
+    digits(text).map_err(|error: ParseIntError| match error.kind() {
+        IntErrorKind::PosOverflow => {
+            format!("{text} is larger than {}", u64::MAX)
+        }
+        _ => format!("'{text}' is not a whole number in digits"),
+    })
+}
+
+/// Two whole numbers around a sign.
+pub fn pair<N: FromStr>(text: &str, sign: &str) -> Option<(N, N)> {
+    let (a, b) = text.split_once(sign)?;
+    Some((digits(a).ok()?, digits(b).ok()?))
+}
+
+pub fn parse_range(text: &str) -> Result<(u64, u64), &'static str> {
+    pair(text, "..").filter(|(from, to)| from <= to).ok_or(
+        "expected two numbers with two dots between, the smaller first, \
+         as in 16..32; -n is the number of samples",
+    )
+}
+
+pub fn parse_band(text: &str) -> Result<(u32, u32), &'static str> {
+    pair(text, "/")
+        .filter(|&(k, n)| 0 < k && k <= n)
+        .ok_or("expected a number from 1 to N, a slash and N, as in 2/8")
+}
+
+/// Parses a sample: a pixel and a number.
+pub fn parse_sample(text: &str) -> Result<(u32, u32, u64), &'static str> {
+    let sample = || {
+        let (pixel, n) = text.rsplit_once(',')?;
+        let (x, y) = pair(pixel, ",")?;
+        Some((x, y, digits(n).ok()?))
+    };
+    sample().ok_or("expected a column, a row and a number, as in 10,20,0")
+}

@@ -1,0 +1,132 @@
+// Tangled from chapters/errors.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What goes wrong, as one type, and what is odd about files.
+//!
+//! ```
+//! use litpt::error::Error;
+//! use litpt::scene::read_obj;
+//!
+//! let error = read_obj(b"v 0 0 o\n").unwrap_err().of_file("room.obj");
+//! assert_eq!(error.to_string(), "room.obj:1: z = o is no number");
+//! assert!(matches!(error, Error::Content(fault) if fault.line == Some(1)));
+//! ```
+
+use std::path::PathBuf;
+use std::{fmt, io};
+
+use serde::{Deserialize, Serialize};
+
+/// A message about a file, or about data that came from none.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Diagnostic {
+    /// The name of the file; empty if there is none, or none yet.
+    pub file: String,
+    /// The line in it, from 1.
+    pub line: Option<usize>,
+    /// What is wrong there, or odd.
+    pub text: String,
+}
+
+impl Diagnostic {
+    /// The same, about this file unless it has one already.
+    pub fn of_file(mut self, file: impl ToString) -> Self {
+        if self.file.is_empty() {
+            self.file = file.to_string();
+        }
+        self
+    }
+}
+
+impl<T: Into<String>> From<T> for Diagnostic {
+    fn from(text: T) -> Self {
+        Self { text: text.into(), ..Self::default() }
+    }
+}
+
+impl std::error::Error for Diagnostic {}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Self { file, line, text } = self;
+        match (&file[..], line) {
+            ("", None) => write!(out, "{text}"),
+            ("", Some(line)) => write!(out, "line {line}: {text}"),
+            (_, None) => write!(out, "{file}: {text}"),
+            (_, Some(line)) => write!(out, "{file}:{line}: {text}"),
+        }
+    }
+}
+
+/// Why the library cannot do what it is asked for. Each displays as one
+/// line, without a stop.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file, or data that came from none, is not as it has to be.
+    #[error(transparent)]
+    Content(#[from] Diagnostic),
+    /// The system refuses an action on a file, such as `read`.
+    #[error("{file}: cannot {action}: {source}")]
+    File { file: String, action: &'static str, source: io::Error },
+    /// A file was finished, and could not be given its name; it is now
+    /// at the path `kept`.
+    #[error("{cause}; the new one is kept as {}", kept.display())]
+    Kept { cause: Box<Error>, kept: PathBuf },
+    /// An argument cannot have this value; `fault` is the whole message.
+    #[error("{fault}")]
+    Value { name: &'static str, value: String, fault: String },
+    /// The memory does not suffice; the message tells for what.
+    #[error("{0}")]
+    Memory(String),
+}
+
+/// A value, or the reason why there is none.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+impl From<&str> for Error {
+    fn from(text: &str) -> Self {
+        Self::Content(text.into())
+    }
+}
+
+impl From<String> for Error {
+    fn from(text: String) -> Self {
+        Self::Content(text.into())
+    }
+}
+
+impl Error {
+    /// The same, about this file if it is of content that has no file yet.
+    pub fn of_file(self, file: impl ToString) -> Self {
+        match self {
+            Self::Content(fault) => Self::Content(fault.of_file(file)),
+            other => other,
+        }
+    }
+
+    /// Turns what the system says into an error of an action on a file.
+    pub fn cannot(
+        action: &'static str,
+        file: impl ToString,
+    ) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::File { file: file.to_string(), action, source }
+    }
+
+    /// The error of an argument.
+    pub fn value(
+        name: &'static str,
+        value: impl ToString,
+        fault: impl Into<String>,
+    ) -> Self {
+        let (value, fault) = (value.to_string(), fault.into());
+        Self::Value { name, value, fault }
+    }
+}
+
+/// The message, for programs that do no more than print it.
+impl From<Error> for String {
+    fn from(error: Error) -> Self {
+        error.to_string()
+    }
+}

@@ -1,0 +1,193 @@
+// Tangled from chapters/plan.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What a plan needs from files, or from memory.
+//!
+//! ```
+//! use glam::DVec3;
+//! use litpt::{inputs::Inputs, scene::read_obj};
+//!
+//! let mesh = read_obj(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
+//! let up = [(DVec3::new(0.2, 0.2, 0.1), DVec3::Z)];
+//! let inputs = Inputs::from(mesh).with_points(up);
+//! assert_eq!(inputs.points.len(), 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::Path;
+use std::time::Instant;
+
+use glam::DVec3;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+
+use crate::error::{Error, Result};
+use crate::host::Host;
+use crate::materials::libraries;
+use crate::plan::{Plan, input_name, is_dash};
+use crate::scene::{Mesh, begins_obj, read_file};
+use crate::sensor::{Point, read_points};
+
+/// What a plan needs from files.
+#[derive(Clone, Default)]
+pub struct Inputs {
+    /// The mesh of the scene, in its own coordinates.
+    pub mesh: Mesh,
+    /// The SHA-256 of its file in hexadecimal, if a file will name it.
+    pub sha256: String,
+    /// The points of a sensor of points.
+    pub points: Vec<Point>,
+    /// The SHA-256 of their file.
+    pub points_sha256: String,
+    /// The albedos of materials by name.
+    pub materials: BTreeMap<String, f64>,
+    /// Seconds that reading has taken.
+    pub seconds: f64,
+}
+
+impl From<Mesh> for Inputs {
+    fn from(mesh: Mesh) -> Self {
+        Self { mesh, ..Self::default() }
+    }
+}
+
+impl Inputs {
+    /// Reads the files of a plan, of which the first of several processes
+    /// tells the others.
+    ///
+    /// # Errors
+    /// A file cannot be read, or has not what it should.
+    pub fn read(plan: &Plan, host: Host) -> Result<Self> {
+        let began = Instant::now();
+        let leads = host.ranks.place().0 == 0;
+        let load = |path: &Path, is_scene| {
+            let bytes = if leads {
+                read_bytes(path, is_scene, host)?
+            } else {
+                vec![]
+            };
+            host.ranks.broadcast(bytes)
+        };
+        // Read the scene, and points if there are any
+        let bytes = load(&plan.scene, true)?;
+        let mut inputs = Self::default();
+        if let Some(path) = plan.points() {
+            let bytes = load(path, false)?;
+            inputs.points_sha256 = sha256(&bytes);
+            let (file, mut odd) = (input_name(path), vec![]);
+            let points = read_points(&bytes, &mut odd);
+            inputs.points = points.map_err(|error| error.of_file(&file))?;
+            host.warn_all(&file, odd);
+        }
+        inputs.mesh = parse(&plan.scene_name(), &bytes, host)?;
+        if plan.names_scene() {
+            inputs.sha256 = sha256(&bytes);
+        }
+        drop(bytes);
+        if plan.surfaces.materials {
+            inputs.materials = materials(plan, &inputs.mesh, host)?;
+        }
+        inputs.seconds = began.elapsed().as_secs_f64();
+        Ok(inputs)
+    }
+
+    /// The same with these points, each a position and a normal.
+    pub fn with_points(
+        mut self,
+        points: impl IntoIterator<Item = (DVec3, DVec3)>,
+    ) -> Self {
+        let points = points.into_iter().zip(1..);
+        self.points = points.map(|((p, n), line)| (p, n, line)).collect();
+        self
+    }
+}
+
+/// The bytes of a file or of standard input.
+fn read_bytes(path: &Path, is_scene: bool, host: Host) -> Result<Vec<u8>> {
+    let file = input_name(path);
+    host.enter(format!("reading {file}"), None);
+    let fault = || Error::cannot("read", &file);
+    let mut pipe: Box<dyn Read> = match path {
+        path if is_dash(path) => Box::new(io::stdin()),
+        path if path.is_file() => return fs::read(path).map_err(fault()),
+        path => Box::new(File::open(path).map_err(fault())?),
+    };
+    let mut bytes = Vec::new();
+    pipe.by_ref()
+        .take(PROBE_BYTES)
+        .read_to_end(&mut bytes)
+        .map_err(fault())?;
+    let is_long = is_scene && bytes.len() as u64 == PROBE_BYTES;
+    if is_long && !begins_obj(&bytes) {
+        let vertex = "no vertex in the first 64 MiB";
+        return Err(fault()(io::Error::other(vertex)));
+    }
+    pipe.read_to_end(&mut bytes).map_err(fault())?;
+    if is_scene && is_dash(path) && bytes.is_empty() {
+        let fault = Error::from("empty; name a scene, as in pt scene.obj");
+        return Err(fault.of_file(file));
+    }
+    Ok(bytes)
+}
+
+/// So many bytes of an OBJ have a vertex.
+const PROBE_BYTES: u64 = 1 << 26;
+
+/// Parses the mesh of a scene, and warns of what is odd.
+fn parse(file: &str, bytes: &[u8], host: Host) -> Result<Mesh> {
+    host.enter(format!("parsing {file}"), None);
+    let read = read_file(bytes).map_err(|error| error.of_file(file));
+    let (mesh, warnings) = read?;
+    host.warn_all(file, warnings);
+    Ok(mesh)
+}
+
+/// A hash of some bytes, in hexadecimal digits.
+fn sha256(bytes: &[u8]) -> String {
+    let hash = Sha256::digest(bytes);
+    hash.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The albedos of the materials of a mesh, from its libraries.
+fn materials(
+    plan: &Plan,
+    mesh: &Mesh,
+    host: Host,
+) -> Result<BTreeMap<String, f64>> {
+    let albedos = in_first_rank(host, || {
+        let folder = plan.scene.parent().unwrap_or(Path::new(""));
+        let file = (&*plan.scene_name(), folder);
+        let (albedos, warnings) =
+            libraries(&mesh.marks, file, plan.surfaces.band)?;
+        host.warn_all("", warnings);
+        Ok(albedos)
+    })?;
+    Ok(albedos)
+}
+
+/// What the first process finds, told to all.
+///
+/// # Errors
+/// It finds none, or has ended, or is of another version.
+pub fn in_first_rank<T: Serialize + DeserializeOwned>(
+    host: Host,
+    find: impl FnOnce() -> Result<T>,
+) -> Result<T> {
+    let (rank, size) = host.ranks.place();
+    if size == 1 {
+        return find();
+    }
+    if rank == 0 {
+        let found = find()?;
+        let text = serde_json::to_vec(&found).unwrap_or_default();
+        host.ranks.broadcast(text)?;
+        return Ok(found);
+    }
+    let text = host.ranks.broadcast(vec![])?;
+    serde_json::from_slice(&text)
+        .map_err(|_| "rank 0 runs another version".into())
+}

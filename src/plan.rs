@@ -1,0 +1,393 @@
+// Tangled from chapters/plan.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What a run does, with every default resolved.
+//!
+//! A plan is a value: two equal plans of equal files make the same samples.
+//!
+//! ```
+//! use litpt::host::{Host, Interrupt};
+//! use litpt::inputs::Inputs;
+//! use litpt::plan::{Budget, Plan};
+//! use litpt::{run::Run, scene::read_obj, world::World};
+//!
+//! let mesh = read_obj(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
+//! let mut plan = Plan { budget: Budget::samples(4), ..Plan::default() };
+//! plan.surfaces.albedo = 0.5;
+//! let host = Host::default();
+//! let world = World::new(&plan, Inputs::from(mesh), host)?;
+//! let run = Run::new(&world, &plan, &Default::default(), host)?;
+//! let image = run.render(&Interrupt::default())?;
+//! assert_eq!(image.film.area(), 320 * 240);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use std::ffi::OsString;
+use std::os::unix::ffi::OsStringExt;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::bvh::Isa;
+use crate::camera::{View, Viewpoint};
+use crate::compare::display::Exposure;
+use crate::film::Window;
+use crate::image::Format;
+use crate::key::{Part, whole_window};
+use crate::materials::Band;
+pub use crate::render::choose::Budget;
+use crate::render::choose::Method;
+use crate::report::Kind;
+use crate::scene::Mesh;
+use crate::sensor::Side;
+use crate::sensor::table::TableFormat;
+use crate::sky::Cover;
+
+/// What a run does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// The file of the scene; `-` is standard input.
+    pub scene: PathBuf,
+    /// What senses the light.
+    pub sensor: SensorPlan,
+    /// The direction that is up for a camera, and in which the sky is; none
+    /// if nobody has said it, and then z.
+    pub up: Option<DVec3>,
+    /// What surfaces reflect.
+    pub surfaces: SurfacePlan,
+    /// Where light comes from.
+    pub sky: SkyPlan,
+    /// When the run ends.
+    pub budget: Budget,
+    /// The part of the run that is rendered, if it is not all of it.
+    pub part: Option<Part>,
+    /// The method; none if a pilot is to choose one.
+    pub method: Option<Method>,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// The state of another part, from which is taken what it has learnt.
+    pub cache: Option<PathBuf>,
+    /// Whether what the scene does not need is left out.
+    pub shortcuts: bool,
+    /// The number of threads; none for all cores.
+    pub threads: Option<u64>,
+    /// The instructions to trace rays with.
+    pub isa: Isa,
+    /// An image of the same view, to compute true errors from.
+    pub reference: Option<PathBuf>,
+    /// What is written.
+    pub outputs: Outputs,
+}
+
+/// A picture of a whole scene from a corner, with one sample a pixel.
+impl Default for Plan {
+    fn default() -> Self {
+        Self {
+            scene: PathBuf::from("-"),
+            sensor: SensorPlan::Camera(CameraPlan::default()),
+            up: None,
+            surfaces: SurfacePlan {
+                albedo: 1.,
+                named: vec![],
+                materials: false,
+                band: None,
+            },
+            sky: SkyPlan {
+                cover: Cover::Uniform,
+                zenith: None,
+                ground: None,
+            },
+            budget: Budget::samples(1),
+            part: None,
+            method: None,
+            seed: 0,
+            cache: None,
+            shortcuts: true,
+            threads: None,
+            isa: Isa::best(),
+            reference: None,
+            outputs: Outputs::default(),
+        }
+    }
+}
+
+/// What senses the light of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum SensorPlan {
+    /// A camera.
+    Camera(CameraPlan),
+    /// The points of this file.
+    Points(PathBuf),
+    /// The faces of the scene, on some sides.
+    Faces {
+        /// Which sides.
+        side: Side,
+        /// Whether it is asked what leaves them, and not what arrives.
+        radiosity: bool,
+    },
+    /// The vertices of the scene.
+    Vertices,
+}
+
+/// A camera and its image.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraPlan {
+    /// Width and height of the whole image, in pixels.
+    pub resolution: (u32, u32),
+    /// The window that is rendered, if it is not the whole image.
+    pub crop: Option<Window>,
+    /// Where the camera stands.
+    pub stand: Stand,
+    /// Vertical field of view in degrees.
+    pub fov: f64,
+    /// The radiance that is seen behind the scene instead of the sky.
+    pub background: Option<f64>,
+}
+
+/// Where a camera stands.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Stand {
+    /// At a position, looking at a target.
+    At(DVec3, DVec3),
+    /// Outside, on a side from which it shows all of the scene.
+    Outside(Viewpoint),
+}
+
+impl Default for CameraPlan {
+    fn default() -> Self {
+        Self {
+            resolution: (320, 240),
+            crop: None,
+            stand: Stand::Outside(Viewpoint::Iso),
+            fov: 70.,
+            background: None,
+        }
+    }
+}
+
+impl CameraPlan {
+    /// The window that is rendered.
+    pub fn window(&self) -> Window {
+        whole_window(self.resolution, self.crop)
+    }
+
+    /// Whether it stands where it was told to.
+    pub fn is_placed(&self) -> bool {
+        matches!(self.stand, Stand::At(..))
+    }
+
+    /// Width over height.
+    pub fn aspect(&self) -> f64 {
+        let (width, height) = self.resolution;
+        f64::from(width) / f64::from(height)
+    }
+
+    /// The view with this direction up; outside the scene its place is still
+    /// to be found.
+    pub fn view(&self, up: DVec3) -> View {
+        let (position, target) = match self.stand {
+            Stand::At(position, target) => (position, target),
+            Stand::Outside(_) => (DVec3::ZERO, DVec3::Y),
+        };
+        View { position, target, up, fov: self.fov }
+    }
+}
+
+/// What surfaces reflect; albedos are in [0, 1].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SurfacePlan {
+    /// The albedo of each surface without one of its own.
+    pub albedo: f64,
+    /// Albedos of materials, groups and objects by name.
+    pub named: Vec<(String, f64)>,
+    /// Whether materials have the albedos of their libraries.
+    pub materials: bool,
+    /// The band of them that is taken; none for the luminance.
+    pub band: Option<Band>,
+}
+
+/// Where light comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SkyPlan {
+    /// How the radiance of the sky is distributed.
+    pub cover: Cover,
+    /// The direction to its middle; none for the axis nearest to up.
+    pub zenith: Option<DVec3>,
+    /// The albedo of an endless ground below the scene, if there is one.
+    pub ground: Option<f64>,
+}
+
+/// What a file of a run holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Product {
+    /// The image; a PNG may show previews.
+    Image(Format),
+    /// A report of this kind.
+    Report(Kind),
+    /// The values of receivers, in this format.
+    Table(TableFormat),
+    /// The state of the run.
+    State,
+}
+
+impl Product {
+    /// Whether it shows what a filter has made.
+    pub fn is_picture(self) -> bool {
+        use Format::{Exr, Png};
+        matches!(self, Self::Image(Png | Exr) | Self::Report(Kind::Html))
+    }
+
+    /// Whether it names the scene by its hash.
+    fn has_hash(self) -> bool {
+        !matches!(self, Self::Image(format) if format != Format::Exr)
+    }
+}
+
+/// What a run writes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outputs {
+    /// Files and what they hold.
+    pub files: Vec<(Product, PathBuf)>,
+    /// Whether files that exist are replaced.
+    pub force: bool,
+    /// Files that the run has written before it was resumed.
+    pub replaced: Vec<PathBuf>,
+    /// Seconds between two states.
+    pub checkpoint_interval: f64,
+    /// Whether PNG files are written while the image is rendered.
+    pub preview: bool,
+    /// By how much PNG files and pages are brighter, if that is said.
+    pub exposure: Option<Exposure>,
+    /// Whether pictures are filtered.
+    pub filter: bool,
+}
+
+impl Default for Outputs {
+    fn default() -> Self {
+        Self {
+            files: vec![],
+            force: false,
+            replaced: vec![],
+            checkpoint_interval: 60.,
+            preview: false,
+            exposure: None,
+            filter: true,
+        }
+    }
+}
+
+impl Outputs {
+    /// The files that hold what is meant.
+    pub fn of(
+        &self,
+        is_meant: impl Fn(Product) -> bool,
+    ) -> impl Iterator<Item = &Path> {
+        let files = self.files.iter();
+        let meant = files.filter(move |(product, _)| is_meant(*product));
+        meant.map(|(_, path)| path.as_path())
+    }
+}
+
+impl Plan {
+    /// The camera, if there is one.
+    pub fn camera(&self) -> Option<&CameraPlan> {
+        match &self.sensor {
+            SensorPlan::Camera(camera) => Some(camera),
+            _ => None,
+        }
+    }
+
+    /// The file of the points, if there is one.
+    pub fn points(&self) -> Option<&Path> {
+        match &self.sensor {
+            SensorPlan::Points(path) => Some(path),
+            _ => None,
+        }
+    }
+
+    /// The name of the scene, for people.
+    pub fn scene_name(&self) -> String {
+        input_name(&self.scene)
+    }
+
+    /// Whether a file names the scene by its hash.
+    pub fn names_scene(&self) -> bool {
+        self.cache.is_some()
+            || self.reference.is_some()
+            || self.outputs.files.iter().any(|(p, _)| p.has_hash())
+    }
+
+    /// Whether somebody has said where up is.
+    pub fn says_up(&self) -> bool {
+        self.up.or(self.sky.zenith).is_some()
+    }
+
+    /// Has the axis up that looks so in a mesh, if nobody has said which is.
+    pub fn look_up(&mut self, mesh: &Mesh) {
+        if !self.says_up() {
+            self.up = mesh.up();
+        }
+    }
+
+    /// The part in whole nets of so many samples.
+    pub fn part_of_nets(&self, net_size: u64) -> Option<Part> {
+        self.part.map(|part| part.rounded(net_size))
+    }
+
+    /// The number of samples to render here, if it is limited.
+    pub fn goal(&self, net_size: u64) -> Option<u64> {
+        let part = self.part_of_nets(net_size).map(|part| part.count());
+        part.or(self.budget.samples)
+    }
+
+    /// The plan as a state has it, from which its files are found in any
+    /// directory; it was made in `directory`.
+    pub fn saved(&self, directory: &Path) -> Self {
+        let mut saved = self.clone();
+        for name in saved.names() {
+            let full = directory.join(&name).into_os_string().into_vec();
+            let text: String = full.into_iter().map(char::from).collect();
+            *name = text.into();
+        }
+        saved
+    }
+
+    /// The plan that was saved.
+    pub fn restored(mut self) -> Self {
+        for name in self.names() {
+            let text = name.to_string_lossy();
+            let bytes = text.chars().map(|c| c as u8).collect();
+            *name = OsString::from_vec(bytes).into();
+        }
+        self
+    }
+
+    /// The names of all files of a run.
+    fn names(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let Self { scene, sensor, cache, reference, outputs, .. } = self;
+        let points = match sensor {
+            SensorPlan::Points(path) => Some(path),
+            _ => None,
+        };
+        let Outputs { files, replaced, .. } = outputs;
+        let read =
+            [Some(scene), points, cache.as_mut(), reference.as_mut()];
+        let written = files.iter_mut().map(|(_, path)| path);
+        let all = read.into_iter().flatten().chain(written).chain(replaced);
+        all.filter(|name| !is_dash(name))
+    }
+}
+
+/// The name of a file that is read, for people.
+pub fn input_name(path: &Path) -> String {
+    match is_dash(path) {
+        true => "standard input".to_owned(),
+        false => path.display().to_string(),
+    }
+}
+
+/// Whether a file is standard input or output.
+pub fn is_dash(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}

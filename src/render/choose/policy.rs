@@ -1,0 +1,288 @@
+// Tangled from chapters/choice.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Which method makes the samples of a request, and how many of what there
+//! will be: nothing else decides that.
+
+use std::fmt;
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::cost::Forecast;
+use super::pilot::{Pilot, Trial};
+use super::sampling::{GATHER_RAYS, Method, Sampling, Setup};
+use crate::bvh::Intersector as _;
+use crate::film::{ErrorNorm, Window};
+
+impl Setup<'_> {
+    /// Chooses how the samples of a request are made, or as many as have the
+    /// error that was asked for, by the method that is wanted or by any; none
+    /// if these are too few for a pilot. A method that could not give each
+    /// pixel a sample in the time that is left is not chosen, even if it is
+    /// wanted.
+    pub fn choose(&self, request: &Request) -> Option<Choice> {
+        let (area, samples) = (request.area(), request.bound());
+        let paths = samples.unwrap_or(MANY).saturating_mul(area);
+        let pixels = (paths / 200).min(4096);
+        if pixels < 64 {
+            return None;
+        }
+        let trial = Trial { setup: self, window: request.window, pixels };
+        let began = Instant::now();
+        let pilot = self.intersector.dispatch(trial);
+        let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
+        // Foresee the costs of all methods
+        let &Request { seed, budget: Budget { error, .. }, .. } = request;
+        let albedo = self.view.surfaces.typical;
+        let pixels = self.pixels(request.window);
+        let forecast = Forecast { pilot, albedo, pixels };
+        let percent = (100. * pilot.control()).round() as u64;
+        let allowed = error.map(|error| forecast.allowed(error));
+        let methods = Method::ALL.map(|method| {
+            let enough =
+                allowed.map(|square| forecast.needed(method, square));
+            let samples = samples.into_iter().chain(enough).min();
+            let mut sampling = Sampling::new(method, seed, samples, pixels);
+            match (method, error) {
+                (Method::Gather, Some((_, measure))) => {
+                    sampling.measure = measure
+                }
+                (Method::Sobol, _) => sampling.control = percent,
+                _ => (),
+            }
+            let expected = samples.unwrap_or(MANY) as f64;
+            let [variance, rays] = forecast.foresee(&sampling, expected);
+            (sampling, variance.max(2. * allowed.unwrap_or(0.)) * rays)
+        });
+        // Choose among the methods that there is time for
+        let is_quick = |sampling: &Sampling| {
+            let paths = forecast.first_paths(sampling);
+            sampling.method == Method::Reference
+                || request.left.is_none_or(|left| 2. * paths * pace <= left)
+        };
+        let is_black = self.view.surfaces.most == 0.;
+        let learns = !is_black || request.method == Some(Method::Gather);
+        let is_fit = |s: &Sampling| {
+            is_quick(s) && (learns || s.method != Method::Gather)
+        };
+        let quick = methods.iter().filter(|(s, _)| is_fit(s));
+        let best = |wanted: Option<Method>| {
+            let fits = |s: &Sampling| wanted.is_none_or(|m| m == s.method);
+            let those = quick.clone().filter(|(s, _)| fits(s));
+            those.min_by(|s, t| s.1.total_cmp(&t.1))
+        };
+        let &(sampling, _) = best(request.method).or_else(|| best(None))?;
+        // Foresee the gains of all methods
+        let reference = methods[0].1;
+        let gain = |cost: f64| match reference > 0. {
+            true => reference / cost.max(1e-3 * reference),
+            false => 1.,
+        };
+        let gains = methods.map(|(s, cost)| (s.method, gain(cost)));
+        Some(Choice { pilot, sampling, gains })
+    }
+
+    /// How the samples are made: as in a checkpoint, if there is one. And what
+    /// a pilot has found, if it has chosen.
+    pub fn decide(
+        &self,
+        request: &Request,
+        saved: Option<Sampling>,
+    ) -> (Sampling, Option<Choice>) {
+        let known = self
+            .analysis
+            .known_pixels
+            .is_all()
+            .then_some(Method::Reference);
+        let begun = saved.map(|saved| saved.method);
+        let wanted = request.method.or(begun).or(known);
+        // Say whether a pilot is needed
+        let asks = match wanted {
+            None => true,
+            Some(Method::Reference) => false,
+            Some(Method::Sobol) => begun.is_none(),
+            Some(Method::Gather) => {
+                begun.is_none() && request.left.is_some()
+                    || request.budget.error.is_some()
+            }
+        };
+        let request = Request { method: wanted, ..*request };
+        if let Some(choice) = asks.then(|| self.choose(&request)).flatten()
+        {
+            return (choice.sampling, Some(choice));
+        }
+        let pixels = self.pixels(request.window);
+        let is_list = pixels.is_list;
+        let usual = if is_list { Method::Sobol } else { Method::Reference };
+        let method = wanted.unwrap_or(usual);
+        let (seed, samples) = (request.seed, request.bound());
+        let new = Sampling::new(method, seed, samples, pixels);
+        let kept = |saved| Sampling { method, seed, ..saved };
+        (saved.map_or(new, kept), None)
+    }
+}
+
+/// What a pilot has found, and what follows.
+pub struct Choice {
+    /// What a few paths tell.
+    pub pilot: Pilot,
+    /// How samples are to be made.
+    pub sampling: Sampling,
+    /// Of each method, the time of the reference over its own, for the same
+    /// error.
+    pub gains: [(Method, f64); 3],
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Pilot { first, later, first_rays, .. } = self.pilot;
+        let rays = 2. * self.pilot.rays / first_rays.max(1e-9);
+        let share = 100. * later / (first + later).max(f64::MIN_POSITIVE);
+        write!(
+            out,
+            "{}: a path has {rays:.1} rays, and {share:.0} % of its variance \
+             comes after its first direction; foreseen gains",
+            self.sampling.method
+        )?;
+        for (method, gain) in &self.gains {
+            write!(out, ", {method} {gain:.1}")?;
+        }
+        Ok(())
+    }
+}
+
+/// What is asked of a run.
+pub struct Request {
+    /// The method that is wanted; none if a pilot is to choose.
+    pub method: Option<Method>,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// The part of the image that is rendered.
+    pub window: Window,
+    /// When the run ends.
+    pub budget: Budget,
+    /// Seconds that are left.
+    pub left: Option<f64>,
+}
+
+impl Request {
+    /// The number of pixels.
+    fn area(&self) -> u64 {
+        self.window.area() as u64
+    }
+
+    /// Samples of each pixel at most. A limit of time counts as those that one
+    /// thread with a quarter of `RATE` gathers: the same on each machine.
+    fn bound(&self) -> Option<u64> {
+        let rate = 0.25 * RATE / GATHER_RAYS as f64;
+        let timed =
+            |time: f64| (time * rate / self.area() as f64).ceil() as u64;
+        let timed = self.budget.time.map(timed);
+        self.budget.samples.into_iter().chain(timed).min()
+    }
+}
+
+/// Samples of a run without a limit.
+pub const MANY: u64 = 1 << 20;
+
+/// When a run ends: at the first limit that it reaches.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Budget {
+    /// Samples of each pixel or receiver, at least 1.
+    pub samples: Option<u64>,
+    /// Seconds from the start of the program.
+    pub time: Option<f64>,
+    /// The error to reach, and which error it is.
+    pub error: Option<(f64, ErrorNorm)>,
+}
+
+impl Budget {
+    /// So many samples of each pixel or receiver.
+    pub fn samples(n: u64) -> Self {
+        Self { samples: Some(n), time: None, error: None }
+    }
+
+    /// Samples until the root mean square over pixels or receivers of the
+    /// standard error is this part of each one's mean.
+    pub fn relative_error(error: f64) -> Self {
+        let measure = ErrorNorm { relative: true, largest: false };
+        Self { samples: None, time: None, error: Some((error, measure)) }
+    }
+
+    /// The time at which a program that began at `start` should end.
+    pub fn deadline(&self, start: Instant) -> Option<Instant> {
+        let time = Duration::try_from_secs_f64(self.time?).ok()?;
+        start.checked_add(time)
+    }
+}
+
+/// The samples of each pixel or receiver if nothing limits a run.
+pub fn default_samples(is_list: bool) -> u64 {
+    if is_list { 1024 } else { 1 }
+}
+
+/// From where the paths of a run begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vantage {
+    /// A camera outside the box around the scene.
+    Outside,
+    /// A camera within it.
+    Inside,
+    /// Receivers.
+    Receivers,
+}
+
+/// Rays per second that a thread is guessed to trace.
+const RATE: f64 = 4e6;
+
+/// A guess of how many rays are traced for so many pixels or receivers, by
+/// surfaces of this albedo.
+pub fn expected_rays(
+    &Budget { samples, time, error }: &Budget,
+    albedo: f64,
+    area: usize,
+    from: Vantage,
+) -> f64 {
+    let enough = |(error, measure): (f64, ErrorNorm)| {
+        let deviation = match from {
+            _ if measure.relative => 1.,
+            Vantage::Inside => 0.006,
+            _ => 0.25,
+        };
+        (deviation / error).powi(2).max(1.)
+    };
+    let limits = [samples.map(|n| n as f64), error.map(enough)];
+    let samples = limits.into_iter().flatten().reduce(f64::min);
+    let each = match from {
+        Vantage::Outside => 1. + albedo,
+        _ => (1. / (1. - albedo)).min(10.),
+    };
+    let rays = samples.map(|n| n * area as f64 * each);
+    let time = time.or(rays.is_none().then_some(60.));
+    let rate = RATE * rayon::current_num_threads() as f64;
+    let timed = time.map_or(f64::INFINITY, |time| time * rate);
+    rays.map_or(timed, |rays| timed.min(rays))
+}
+
+/// The number of paths before which no error is believed.
+pub const MIN_PATHS: f64 = 1000.;
+
+/// The samples of each of so many pixels after which an error is expected to
+/// be reached, given the error after some samples, if it is known.
+pub fn samples_to_error(
+    target: f64,
+    (spp, error): (u64, Option<f64>),
+    area: u64,
+) -> u64 {
+    let least = (MIN_PATHS / area as f64).ceil().max(2.);
+    let Some(error) = error else {
+        let is_open = spp < least as u64;
+        return if is_open { least as u64 } else { u64::MAX };
+    };
+    // A square that vanishes would make the quotient 0 / 0.
+    let e = (target * target).max(f64::MIN_POSITIVE);
+    let v = spp as f64 * error * error;
+    let root = (v * v + 12. * e / area as f64).sqrt();
+    ((v + root) / (2. * e)).ceil().max(least) as u64
+}

@@ -1,0 +1,208 @@
+// Tangled from chapters/choice.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! How samples are made, and what makes them: the methods, the numbers of a
+//! method, and its renderer.
+
+use std::fmt;
+use std::sync::{Arc, OnceLock};
+
+use serde::{Deserialize, Serialize};
+
+use crate::analysis::{LitView, SceneAnalysis};
+use crate::bvh::Bvh;
+use crate::film::{ErrorNorm, Film, Window};
+use crate::integrator::gather::{Correction, Gather, Learnt};
+use crate::integrator::{Communicator, PathTracer, identity};
+use crate::numerics::power_of_two;
+use crate::render::{Job, Renderer};
+use crate::sampler::sobol::SobolSampler;
+use crate::sampler::{IndependentSampler, Sampler};
+use crate::sensor::Sensor;
+
+/// How samples are made.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Paths of independent random numbers.
+    #[default]
+    Reference,
+    /// Such paths, placed by scrambled nets, with the sky as a control
+    /// variate.
+    Sobol,
+    /// A final gather into a cache of radiance, corrected.
+    Gather,
+}
+
+impl Method {
+    /// All of them; the first is the reference.
+    pub const ALL: [Self; 3] = [Self::Reference, Self::Sobol, Self::Gather];
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        out.write_str(&format!("{self:?}").to_lowercase())
+    }
+}
+
+/// What decides the samples of an image, beside the scene and the view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sampling {
+    /// How samples are made.
+    pub method: Method,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// Samples of a pixel that are placed together, on average.
+    #[serde(rename = "replicate")]
+    pub net_size: u64,
+    /// At most about as many rays train the cache of a gather.
+    pub training: u64,
+    /// Of paths in nets, [`PathTracer::control`] in per cent.
+    #[serde(rename = "sky_control")]
+    pub control: u64,
+    /// Of a gather, the error for which its samples are distributed.
+    #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
+    pub measure: ErrorNorm,
+}
+
+/// The pixels of a window.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixels {
+    /// How many.
+    pub area: u64,
+    /// Whether they list receivers, which have no neighbours.
+    pub is_list: bool,
+}
+
+impl Pixels {
+    /// Those of an image of this width and height.
+    pub fn of_image((width, height): (u32, u32)) -> Self {
+        Self { area: u64::from(width) * u64::from(height), is_list: false }
+    }
+}
+
+impl Sampling {
+    /// For `samples` of each pixel of a film, if that is known, in at least 16
+    /// replicates; of a net 4 in an image, whose pixels borrow from their
+    /// neighbours.
+    pub fn new(
+        method: Method,
+        seed: u64,
+        samples: Option<u64>,
+        Pixels { area, is_list }: Pixels,
+    ) -> Self {
+        let (least, most, gathered) =
+            if is_list { (16, 1 << 12, 16) } else { (4, 1 << 8, 4) };
+        let together = |replicates: u64, most: u64| match samples {
+            Some(n) => 1 << (n / replicates).clamp(1, most).ilog2(),
+            None => 4,
+        };
+        let rays =
+            samples.unwrap_or(u64::MAX).saturating_mul(area * GATHER_RAYS);
+        let root = (rays as f64 * BEST_TRAINING).sqrt() as u64;
+        let trained = root.min(rays.saturating_mul(2));
+        let trained = trained.clamp(1 << 16, 1 << 22);
+        let (net_size, training) = match method {
+            Method::Reference => (1, 0),
+            Method::Sobol => (together(least, most), 0),
+            Method::Gather => (together(16, gathered), trained),
+        };
+        let (control, measure) = (0, ErrorNorm::default());
+        Self { method, seed, net_size, training, control, measure }
+    }
+
+    /// The same film, which has no sample, for these samples.
+    pub fn film(&self, film: Film) -> Film {
+        let film = film.with_net_size(self.net_size);
+        match self.method {
+            Method::Gather => film.with_shared_tiles(),
+            _ => film,
+        }
+    }
+
+    /// Names the code that decides the samples: those of different names are
+    /// not to be mixed.
+    pub fn identity(&self) -> String {
+        match self.method {
+            Method::Gather => format!("gather {GATHER_VERSION}"),
+            _ => identity(),
+        }
+    }
+}
+
+/// Rays of a gather with its part of the correction, about.
+pub const GATHER_RAYS: u64 = 5;
+
+/// Rays of a training that are best for as many rays of samples, about.
+const BEST_TRAINING: f64 = power_of_two(21);
+
+/// Changes whenever the code that decides what a gather is does.
+const GATHER_VERSION: u32 = 6;
+
+/// A scene that is ready to be rendered.
+pub struct Setup<'a> {
+    /// Finds hits in the scene.
+    pub intersector: &'a Bvh,
+    /// The view of the scene, and its light.
+    pub view: LitView<'a>,
+    /// What was found.
+    pub analysis: &'a SceneAnalysis,
+}
+
+impl<'a> Setup<'a> {
+    /// The renderer of a method, which knows what was learnt, or learns it
+    /// together with other processes.
+    pub fn renderer(
+        &self,
+        sampling: &Sampling,
+        learnt: Arc<OnceLock<Learnt>>,
+        communicator: &'a dyn Communicator,
+    ) -> Box<dyn Renderer + 'a> {
+        let &Self { intersector, view, analysis } = self;
+        let &Sampling { seed, net_size, training, .. } = sampling;
+        let mut paths = PathTracer::new(view.surfaces, view.sky);
+        match sampling.method {
+            Method::Reference => {
+                self.job(paths, IndependentSampler::new(seed))
+            }
+            Method::Sobol => {
+                paths.control = sampling.control as f64 / 100.;
+                self.job(paths, SobolSampler::new(seed, net_size))
+            }
+            Method::Gather => Box::new(Gather {
+                norm: sampling.measure,
+                view,
+                intersector,
+                known_pixels: &analysis.known_pixels,
+                seed,
+                training,
+                correction: Some(Correction::default()),
+                learnt,
+                communicator,
+            }),
+        }
+    }
+
+    /// The pixels of a window of this view.
+    pub fn pixels(&self, window: Window) -> Pixels {
+        let is_list = matches!(self.view.sensor, Sensor::Receivers(_));
+        Pixels { area: window.area() as u64, is_list }
+    }
+
+    /// The renderer of paths.
+    fn job(
+        &self,
+        integrator: PathTracer<'a>,
+        sampler: impl Sampler + 'a,
+    ) -> Box<dyn Renderer + 'a> {
+        Box::new(Job {
+            sensor: self.view.sensor,
+            intersector: self.intersector,
+            integrator,
+            known_pixels: &self.analysis.known_pixels,
+            sampler,
+        })
+    }
+}

@@ -1,0 +1,355 @@
+// Tangled from chapters/run.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A run of a plan over a world: how its samples are made, its film, and its
+//! limits.
+//!
+//! ```
+//! use glam::DVec3;
+//! use litpt::host::{Host, Interrupt};
+//! use litpt::plan::{Budget, Plan, SensorPlan};
+//! use litpt::{inputs::Inputs, run::Run, scene::read_obj, world::World};
+//!
+//! let obj = "v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\nf 1 2 3 4\n";
+//! let inputs = Inputs::from(read_obj(obj.as_bytes())?);
+//! let inputs = inputs.with_points([(DVec3::ZERO, DVec3::Z)]);
+//! let plan = Plan {
+//!     sensor: SensorPlan::Points("points".into()),
+//!     budget: Budget::relative_error(0.01),
+//!     ..Plan::default()
+//! };
+//! let host = Host::default();
+//! let world = World::new(&plan, inputs, host)?;
+//! let run = Run::new(&world, &plan, &Default::default(), host)?;
+//! let [value, error] = run.render(&Interrupt::default())?.values()[0];
+//! assert!((value - 0.4459).abs() < 5. * error);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use std::sync::{Arc, OnceLock};
+use std::time::Instant;
+
+use crate::error::{Error, Result};
+use crate::film::{Film, NEIGHBOUR_WEIGHT};
+use crate::host::{Host, Interrupt};
+use crate::inputs::in_first_rank;
+use crate::integrator::gather::Learnt;
+use crate::key::RunKey;
+use crate::memory::zeroed;
+use crate::plan::{Plan, Product};
+use crate::render::Renderer;
+use crate::render::choose::{Choice, Method, Request, Sampling, Setup};
+use crate::render_loop::{Convergence, Limits, Stop};
+use crate::report::{Report, Settings, metric};
+use crate::state::checkpoint::Checkpoint;
+use crate::state::learnt;
+use crate::statistics::Accumulator;
+use crate::world::World;
+
+/// What earlier runs have left: the state of this run, from which it goes
+/// on, and that of another part of it, from which it takes what was learnt.
+#[derive(Default)]
+pub struct History {
+    /// The state of this run.
+    pub state: Option<Checkpoint>,
+    /// The state of another part.
+    pub cache: Option<Checkpoint>,
+}
+
+/// A run that is about to begin.
+pub struct Run<'a> {
+    /// What is to be done.
+    pub plan: &'a Plan,
+    /// The scene.
+    pub world: &'a World,
+    /// Who hears of it.
+    pub host: Host<'a>,
+    /// All that decides its samples.
+    pub key: RunKey,
+    /// What a pilot has found, if it has chosen the method.
+    pub choice: Option<Choice>,
+    /// What it has learnt, or will learn.
+    pub learnt: Arc<OnceLock<Learnt>>,
+    /// Makes its samples.
+    pub renderer: Box<dyn Renderer + 'a>,
+}
+
+impl<'a> Run<'a> {
+    /// Chooses how the samples of a plan are made.
+    ///
+    /// # Errors
+    /// What earlier runs have left belongs to another run.
+    pub fn new(
+        world: &'a World,
+        plan: &'a Plan,
+        history: &History,
+        host: Host<'a>,
+    ) -> Result<Self> {
+        host.enter("choosing a method", None);
+        let World { bvh, analysis, subject, .. } = world;
+        let setup =
+            Setup { intersector: bvh, view: world.view(), analysis };
+        let before =
+            history.state.as_ref().map(|state| state.known.run_key.clone());
+        let mut choice = None;
+        let key = in_first_rank(host, || {
+            let sampling = before.as_ref().map(|key| key.sampling);
+            let (sampling, found) =
+                method(plan, world, &setup, sampling, host);
+            choice = found;
+            let had_halves = before.as_ref().is_none_or(|key| key.filtered);
+            Ok(RunKey {
+                version: env!("CARGO_PKG_VERSION").to_owned(),
+                integrator: sampling.identity(),
+                scene_sha256: world.file.sha256.clone(),
+                subject: subject.clone(),
+                sampling,
+                part: plan.part_of_nets(sampling.net_size),
+                filtered: keeps_halves(plan, sampling, had_halves, host),
+            })
+        })?;
+        let learnt = learnt_before(plan, &key, history, host)?;
+        let renderer =
+            setup.renderer(&key.sampling, learnt.clone(), host.ranks);
+        Ok(Self { plan, world, host, key, choice, learnt, renderer })
+    }
+
+    /// The samples of each pixel to render here, if they are limited.
+    pub fn goal(&self) -> Option<u64> {
+        self.plan.goal(self.key.sampling.net_size)
+    }
+
+    /// The film and what it has so far: nothing yet, or what is saved.
+    ///
+    /// # Errors
+    /// There is too little memory, or the state belongs to another run.
+    pub fn film(
+        &self,
+        state: Option<Checkpoint>,
+    ) -> Result<(Film, Convergence)> {
+        let key = &self.key;
+        self.ask_for_memory()?;
+        let mut film = key.film();
+        let goal = self.goal();
+        let is_part = self.plan.part.is_some_and(|part| part.count() > 0);
+        if is_part && goal == Some(0) {
+            let together = film.net_size;
+            self.host.warn(format!(
+                "the part has no sample: {together} are placed together"
+            ));
+        }
+        // Go on from a state
+        let Some(state) = state else {
+            return Ok((film, Convergence::default()));
+        };
+        let name = state.name.clone();
+        let convergence = state.resume(key, &mut film)?;
+        let spp = convergence.spp;
+        if goal.is_some_and(|n| 0 < n && n <= spp) {
+            self.host.warn(format!(
+                "{name}: holds {spp} samples already (ask for more with -n)"
+            ));
+        }
+        Ok((film, convergence))
+    }
+
+    /// Fails if the memory of the film is not there.
+    fn ask_for_memory(&self) -> Result<()> {
+        let [whole, area] = self.key.windows().map(|window| window.area());
+        let learns = self.key.sampling.method == Method::Gather
+            && self.learnt.get().is_none();
+        let parts =
+            [(true, area), (self.key.filtered, area), (learns, whole)];
+        let parts = parts.into_iter().filter(|&(is_needed, _)| is_needed);
+        let sums: usize = parts.map(|(_, area)| area).sum();
+        zeroed::<Accumulator>(sums).map(drop).map_err(|_| {
+            let bytes = metric(64. * sums as f64);
+            Error::Memory(format!(
+                "too little memory: {bytes}B more are needed"
+            ))
+        })
+    }
+
+    /// The limits that the plan sets.
+    pub fn limits(&self) -> Limits<'a> {
+        let is_found = self.world.analysis.known_pixels.is_all();
+        let (error, measure) = self.plan.budget.error.unzip();
+        Limits {
+            samples: self.goal().or(is_found.then_some(2)),
+            deadline: self.plan.budget.deadline(self.host.start),
+            error,
+            measure: measure.unwrap_or_default(),
+            ..Limits::default()
+        }
+    }
+
+    /// The report of the run, which has not begun.
+    pub fn report(&self) -> Report {
+        let Self { plan, world, key, .. } = self;
+        let samples = key.part.map(|part| part.count());
+        let (error, measure) = plan.budget.error.unzip();
+        let reference = plan.reference.as_ref();
+        let settings = Settings {
+            subject: Some(key.subject.clone()),
+            hierarchy: Some(world.quality.clone()),
+            seed: key.sampling.seed,
+            spp: samples.or(plan.budget.samples),
+            time: plan.budget.time,
+            error,
+            reference: reference.map(|path| path.display().to_string()),
+            isa: Some(plan.isa.to_string()),
+            threads: Some(rayon::current_num_threads()),
+            integrator: key.sampling.method,
+            choice: self.choice.as_ref().map(ToString::to_string),
+            part: key.part,
+            missing: None,
+        };
+        let mut report = Report {
+            scene: world.file.clone(),
+            settings,
+            left_out: world.analysis.left_out().cloned().collect(),
+            load_seconds: world.seconds[0],
+            build_seconds: world.seconds[1],
+            light: world.light.clone(),
+            measure: measure.unwrap_or_default(),
+            ..Report::default()
+        };
+        report.sign("pt");
+        report
+    }
+
+    /// Renders until a limit of the plan is reached, or the run is cancelled.
+    ///
+    /// # Errors
+    /// There is too little memory.
+    pub fn render(
+        mut self,
+        interrupt: &Interrupt,
+    ) -> Result<Rendering<'a>> {
+        let (mut film, mut convergence) = self.film(None)?;
+        let limits = Limits { interrupt: Some(interrupt), ..self.limits() };
+        let renderer = &mut *self.renderer;
+        let stop = convergence.run(
+            renderer,
+            &mut film,
+            &limits,
+            &|_| (),
+            &mut |_, _| (),
+        );
+        Ok(Rendering { world: self.world, film, convergence, stop })
+    }
+}
+
+/// What a run has rendered.
+pub struct Rendering<'a> {
+    world: &'a World,
+    /// The sums of its samples.
+    pub film: Film,
+    /// How its error has become less.
+    pub convergence: Convergence,
+    /// Why it has ended.
+    pub stop: Stop,
+}
+
+impl Rendering<'_> {
+    /// The value of each receiver that was asked for, or of each pixel row by
+    /// row, with its standard error; NaN where there is none. The irradiance
+    /// of receivers is in units of that of a horizontal surface in the open,
+    /// the radiance of pixels in units of that of the uniform sky.
+    pub fn values(&self) -> Vec<[f64; 2]> {
+        let film = &self.film;
+        if let Some((table, all)) = self.world.table() {
+            let values = table.values(all, film, None).into_iter();
+            return values.map(|(pair, _)| pair.map(f64::from)).collect();
+        }
+        let errors = film.errors(NEIGHBOUR_WEIGHT, film.window);
+        film.means().zip(errors).map(Into::into).collect()
+    }
+}
+
+/// How the samples are made: as in a state, if there is one. And what a pilot
+/// has found, if it has chosen.
+fn method(
+    plan: &Plan,
+    world: &World,
+    setup: &Setup,
+    saved: Option<Sampling>,
+    host: Host,
+) -> (Sampling, Option<Choice>) {
+    let deadline = plan.budget.deadline(host.start);
+    let request = Request {
+        method: plan.method,
+        seed: plan.seed,
+        window: world.subject.sensed.window(),
+        budget: plan.budget,
+        left: deadline.map(|end| {
+            end.saturating_duration_since(Instant::now()).as_secs_f64()
+        }),
+    };
+    let (sampling, choice) = setup.decide(&request, saved);
+    // Warn if it is not the method that is asked for
+    let (wanted, chosen) = (request.method, sampling.method);
+    let wanted = wanted.or(saved.map(|saved| saved.method));
+    if let Some(wanted) = wanted.filter(|&wanted| wanted != chosen) {
+        host.warn(format!(
+            "--time leaves too little for a first sample of each pixel \
+             by {wanted}: the method is {chosen}"
+        ));
+    }
+    (sampling, choice)
+}
+
+/// Whether a film is to keep halves, so that a picture can be filtered.
+fn keeps_halves(
+    plan: &Plan,
+    sampling: Sampling,
+    had_halves: bool,
+    host: Host,
+) -> bool {
+    let outputs = &plan.outputs;
+    let shows = outputs.of(Product::is_picture).next().is_some()
+        || plan.part.is_some() && plan.camera().is_some();
+    let is_wanted =
+        sampling.method != Method::Reference && shows && outputs.filter;
+    if is_wanted && !had_halves {
+        host.warn(
+            "the run was begun without a picture: none can be filtered",
+        );
+    }
+    is_wanted && had_halves
+}
+
+/// What this run, or another part of it, has learnt before.
+fn learnt_before(
+    plan: &Plan,
+    key: &RunKey,
+    history: &History,
+    host: Host,
+) -> Result<Arc<OnceLock<Learnt>>> {
+    let own = history.state.as_ref();
+    let mut found = own.map(|s| s.known.learnt.clone()).unwrap_or_default();
+    if let (Some(path), Some(cache)) = (&plan.cache, &history.cache) {
+        let (name, mut known) = (path.display(), cache.known.clone());
+        known.run_key.part = key.part;
+        let belongs = known.belongs_to(key);
+        belongs.map_err(|fault| fault.of_file(&name))?;
+        found = known.learnt;
+        if found.get().is_none() && key.sampling.method == Method::Gather {
+            let fault = Error::from("holds nothing learnt");
+            return Err(fault.of_file(name));
+        }
+    }
+    // Tell the other processes
+    let (rank, size) = host.ranks.place();
+    if size == 1 {
+        return Ok(found);
+    }
+    let mut bytes = vec![];
+    if rank == 0 {
+        learnt::write(&found, &mut bytes)
+            .map_err(Error::cannot("write", "what was learnt"))?;
+    }
+    let bytes = host.ranks.broadcast(bytes)?;
+    learnt::read(&mut &bytes[..], key)
+        .map_err(Error::cannot("read", "what was learnt"))
+}

@@ -1,0 +1,404 @@
+// Tangled from chapters/world.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A scene that is ready to be rendered: its sensor, its surfaces, its sky,
+//! its hierarchy, and what is found about them.
+//!
+//! ```
+//! use litpt::host::Host;
+//! use litpt::plan::{Plan, SensorPlan};
+//! use litpt::{inputs::Inputs, scene::read_obj, world::World};
+//!
+//! let mesh = read_obj(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
+//! let sensor = SensorPlan::Vertices;
+//! let plan = Plan { sensor, ..Plan::default() };
+//! let world = World::new(&plan, Inputs::from(mesh), Host::default())?;
+//! assert_eq!(world.subject.sensed.resolution(), (1, 3));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use crate::analysis::{LitView, SHORTCUTS, SceneAnalysis};
+use crate::bvh::{Bvh, Quality, too_small};
+use crate::camera::{Camera, View, direction, typed};
+use crate::error::{Error, Result};
+use crate::film::{SIDE, tile_height};
+use crate::host::{Event, Host};
+use crate::image::levels::level;
+use crate::inputs::Inputs;
+use crate::integrator::gather::cache::Grid;
+use crate::key::{Asked, Framing, Sensed, Subject};
+use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
+use crate::plan::{
+    Budget, CameraPlan, Plan, SensorPlan, Stand, input_name,
+};
+use crate::render::choose::{Vantage, expected_rays};
+use crate::report::SceneFile;
+use crate::scene::{Frame, MarkKind, Mesh, Scene};
+use crate::sensor::table::{Shape, Table};
+use crate::sensor::{INSIDE, Receivers, Sensor, Side};
+use crate::sky::{Cover, Sky};
+
+/// What is shown of a scene, what is found about it, and its hierarchy.
+pub struct World {
+    /// What is shown.
+    pub subject: Subject,
+    /// What starts the samples.
+    pub sensor: Sensor,
+    albedos: AlbedoTable,
+    /// The map from the coordinates of the file.
+    pub frame: Frame,
+    /// The hierarchy.
+    pub bvh: Bvh,
+    /// The faces that the scene has left out.
+    pub left_out: [Vec<u32>; 2],
+    /// What the scene does not need.
+    pub analysis: SceneAnalysis,
+    /// What the values of receivers are written with.
+    table: Option<Table>,
+    /// The file of the scene.
+    pub file: SceneFile,
+    /// The light, in words.
+    pub light: String,
+    /// How well the hierarchy is built, in words.
+    pub quality: String,
+    /// Seconds to read the scene, and to build the hierarchy of it.
+    pub seconds: [f64; 2],
+}
+
+impl World {
+    /// What the renderers see.
+    pub fn view(&self) -> LitView<'_> {
+        let Self { subject, sensor, albedos, .. } = self;
+        let surfaces = Surfaces::new(albedos, subject.ground);
+        let (sky, resolution) = (subject.sky, subject.sensed.resolution());
+        LitView { sensor, sky, surfaces, resolution }
+    }
+
+    /// The receivers, if there are any, and their table.
+    pub fn table(&self) -> Option<(&Table, &Receivers)> {
+        match (&self.table, &self.sensor) {
+            (Some(table), Sensor::Receivers(all)) => Some((table, all)),
+            _ => None,
+        }
+    }
+}
+
+impl World {
+    /// Prepares a scene as a plan says.
+    ///
+    /// # Errors
+    /// The plan does not suit the scene, or there is too little memory.
+    pub fn new(plan: &Plan, inputs: Inputs, host: Host) -> Result<Self> {
+        let began = Instant::now();
+        let file = plan.scene_name();
+        let triangles = inputs.mesh.triangles.len() as u64;
+        let file =
+            SceneFile { file, sha256: inputs.sha256.clone(), triangles };
+        let mesh = &inputs.mesh;
+        let named = named(plan, &inputs, host);
+        let faces =
+            FaceAlbedos::new(&mesh.marks, &named, plan.surfaces.albedo)
+                .map_err(|fault| fault.of_file(&file.file))?;
+        let (asked, table) = asked(plan, &inputs, &faces).unzip();
+        let mut subject = subject(plan, mesh, named, asked);
+        note_camera(plan, &subject, host);
+        let light = light(plan, mesh, &subject);
+        let seconds = inputs.seconds;
+        // Place the sensor in the frame of the scene
+        let scene = Scene::of(inputs.mesh);
+        let mut sensor = match &table {
+            Some(table) => Sensor::Receivers(table.receivers(&scene)),
+            None => camera(&subject.sensed, &scene.frame)?,
+        };
+        let Scene { frame, triangles, left_out } = scene;
+        // Build the hierarchy
+        let rays = rays(plan, &subject, &sensor);
+        let rays = rays / host.ranks.place().1 as f64;
+        let quality = Quality::expecting(triangles.len(), rays);
+        warn_of_size(&triangles, host);
+        let total = Some(triangles.len() as u64);
+        host.enter("building the hierarchy", total);
+        let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
+        let bvh = Bvh::of(triangles, quality, plan.isa, &placed);
+        let mut bvh = bvh?;
+        bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
+        let albedos = AlbedoTable::new(&faces, &bvh)?;
+        // Put receivers in the order of their places
+        if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor)
+        {
+            let grid = Grid::around(&all.middles());
+            let has_sides =
+                plan.points().is_some() && left_out[1].is_empty();
+            let around = (&bvh, &frame, subject.sky.zenith, has_sides);
+            all.order(around, |hit| grid.order(hit));
+            let odd = table.odd(all, |why, _| why != INSIDE);
+            host.warn_all(&table.file, odd);
+            check_receivers(plan, table, all.count(), &mut subject)?;
+        }
+        let mut world = Self {
+            subject,
+            sensor,
+            albedos,
+            frame,
+            bvh,
+            left_out,
+            analysis: SceneAnalysis::default(),
+            table,
+            file,
+            light,
+            quality: quality.to_string(),
+            seconds: [seconds, 0.],
+        };
+        world.analyse(plan, host);
+        world.seconds[1] = began.elapsed().as_secs_f64();
+        Ok(world)
+    }
+
+    /// Finds what the scene does not need, unless that would take too long.
+    fn analyse(&mut self, plan: &Plan, host: Host) {
+        let (width, height) = self.subject.sensed.resolution();
+        let tiles = f64::from(width) * f64::from(height) / 256.;
+        let seconds =
+            tiles * TILE_SEARCH / rayon::current_num_threads() as f64;
+        let is_long = |time: f64| seconds > 0.05 * time;
+        let kept = match plan.budget.time.is_some_and(is_long) {
+            _ if !plan.shortcuts => &SHORTCUTS[..],
+            true => &["background"],
+            false => &[],
+        };
+        let Self { left_out, bvh, .. } = &*self;
+        let analysis =
+            SceneAnalysis::find(left_out, bvh, &self.view(), kept);
+        let (found, area) = analysis.known_pixels.count();
+        let last = analysis.left_out().last();
+        if let Some(last) = last.filter(|_| 0 < area && found == area) {
+            host.warn(&last.reason);
+        }
+        self.analysis = analysis;
+    }
+
+    /// Shows the scene, of which this is the mesh, as another plan says; its
+    /// materials stay as they were read.
+    ///
+    /// # Errors
+    /// The plan does not suit the scene; it is shown as before.
+    pub fn show(&mut self, plan: &Plan, mesh: &Mesh) -> Result<()> {
+        let named_albedos = plan.surfaces.named.clone();
+        let named = Named { named_albedos, ..self.subject.named.clone() };
+        let new = subject(plan, mesh, named, None);
+        let sensor = camera(&new.sensed, &self.frame)?;
+        let old = &self.subject;
+        if (old.albedo, &old.named) != (new.albedo, &new.named) {
+            let marks = &mesh.marks;
+            let faces = FaceAlbedos::new(marks, &new.named, new.albedo)?;
+            self.albedos = AlbedoTable::new(&faces, &self.bvh)?;
+        }
+        let zenith = |s: &Subject| s.ground.map(|_| s.sky.zenith);
+        if zenith(old) != zenith(&new) {
+            self.bvh.set_ground(zenith(&new));
+        }
+        (self.subject, self.sensor) = (new, sensor);
+        Ok(())
+    }
+}
+
+/// Seconds in which a thread looks for the background of a tile, about.
+const TILE_SEARCH: f64 = 3e-6;
+
+/// The albedos that have names; warns of materials that are not asked for.
+fn named(plan: &Plan, inputs: &Inputs, host: Host) -> Named {
+    let surfaces = &plan.surfaces;
+    let materials = inputs.materials.clone();
+    let (named_albedos, band) = (surfaces.named.clone(), surfaces.band);
+    let ignored = names(&inputs.mesh.marks, MarkKind::Material).count();
+    if ignored > 0 && !surfaces.materials && named_albedos.is_empty() {
+        let (file, albedo) = (plan.scene_name(), surfaces.albedo);
+        host.warn(format!(
+            "{file}: its materials are ignored, {ignored} of them: every surface \
+             has the albedo {albedo} (--materials)"
+        ));
+    }
+    Named { named_albedos, band, materials }
+}
+
+/// The receivers that are asked for, if any, and their table.
+fn asked(
+    plan: &Plan,
+    inputs: &Inputs,
+    albedos: &FaceAlbedos,
+) -> Option<(Asked, Table)> {
+    let (mut mesh, mut albedo_of) = (inputs.mesh.clone(), None);
+    let (mut file, mut backs) = (plan.scene_name(), Side::Front.backs());
+    let (asked, shape) = match &plan.sensor {
+        SensorPlan::Camera(_) => return None,
+        SensorPlan::Points(path) => {
+            (file, mesh) = (input_name(path), Mesh::default());
+            let hash = inputs.points_sha256.clone();
+            (Asked::Points(hash), Shape::Points(inputs.points.clone()))
+        }
+        &SensorPlan::Faces { side, radiosity } => {
+            backs = side.backs();
+            albedo_of = radiosity.then(|| albedos.clone());
+            (Asked::Faces(side), Shape::Faces(mesh.faces()))
+        }
+        SensorPlan::Vertices => (Asked::Vertices, Shape::Vertices),
+    };
+    let grey = |value| level(value, 255) as u8;
+    let table =
+        Table { shape, backs, mesh, file, albedos: albedo_of, grey };
+    Some((asked, table))
+}
+
+/// What is sensed of a mesh, by receivers or by a camera.
+fn subject(
+    plan: &Plan,
+    mesh: &Mesh,
+    named: Named,
+    receivers: Option<Asked>,
+) -> Subject {
+    let mut up = plan.up.unwrap_or(DVec3::Z);
+    let zenith = match plan.sky.zenith {
+        None => Sky::new(up).zenith,
+        Some(zenith) => Sky::with(zenith, Cover::Uniform).zenith,
+    };
+    if plan.sky.zenith.is_some() && up == DVec3::Z {
+        up = zenith;
+    }
+    let background = plan.camera().and_then(|camera| camera.background);
+    let sky = Sky { background, ..Sky::with(zenith, plan.sky.cover) };
+    let sensed = match (&plan.sensor, receivers) {
+        (SensorPlan::Camera(camera), _) => {
+            let view = view(camera, up, zenith, mesh);
+            let &CameraPlan { resolution, crop, .. } = camera;
+            Sensed::Camera(Framing { resolution, crop, view })
+        }
+        (_, receivers) => {
+            let receivers = receivers.unwrap_or(Asked::Vertices);
+            Sensed::Receivers { receivers, count: 0 }
+        }
+    };
+    let (albedo, ground) = (plan.surfaces.albedo, plan.sky.ground);
+    Subject { sensed, albedo, named, sky, ground }
+}
+
+/// The view of a camera, outside the mesh if that is where it stands.
+fn view(
+    camera: &CameraPlan,
+    up: DVec3,
+    zenith: DVec3,
+    mesh: &Mesh,
+) -> View {
+    let view = camera.view(up);
+    let Stand::Outside(from) = camera.stand else { return view };
+    let corners = mesh.triangles.iter().flatten();
+    let points = corners.map(|&i| &mesh.vertices[i as usize]);
+    let outside = view.outside(from, zenith, points, camera.aspect());
+    outside.unwrap_or(view)
+}
+
+/// Says where a camera stands that nobody has placed.
+fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
+    let (Some(framing), Some(camera)) =
+        (subject.sensed.camera(), plan.camera())
+    else {
+        return;
+    };
+    if let Stand::At(..) = camera.stand {
+        return;
+    }
+    let View { position, target, up, .. } = framing.view;
+    let [p, t, u] = [position, target, up].map(typed);
+    let mut options = format!("-p {p} -t {t}");
+    if up != DVec3::Z {
+        options += &format!(" -u {u}");
+    }
+    let zenith = subject.sky.zenith;
+    if zenith != Sky::new(up).zenith {
+        options += &format!(" --zenith {}", direction(zenith));
+    }
+    let note = format!("the camera stands outside: {options}");
+    (host.listen)(Event::Note(note));
+}
+
+/// The sky and the ground in words, and another axis if that looks up.
+fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
+    let Sky { zenith, cover, .. } = subject.sky;
+    let mut light =
+        format!("{cover:?}, zenith {}", direction(zenith)).to_lowercase();
+    light += &subject.ground.map_or(String::new(), |albedo| {
+        format!(", above a ground of albedo {albedo}")
+    });
+    let seems_up = if plan.says_up() { None } else { mesh.up() };
+    if let Some(up) = seems_up.filter(|&up| up != zenith) {
+        let up = direction(up);
+        light += &format!("; but {up} looks up: -u {up}");
+    }
+    light
+}
+
+/// Warns of triangles that are too small.
+fn warn_of_size(triangles: &crate::scene::Triangles, host: Host) {
+    let (count, all) = (too_small(triangles), triangles.len());
+    if count > 0 {
+        host.warn(format!(
+            "{count} of {all} triangles: smaller than 2^-40 of the largest, or \
+             2^-43 of the scene; close to larger ones the light may be wrong"
+        ));
+    }
+}
+
+/// The camera of what is shown.
+fn camera(sensed: &Sensed, frame: &Frame) -> Result<Sensor> {
+    let framing = sensed.camera().ok_or("there is no camera")?;
+    let (width, height) = framing.resolution;
+    let aspect = f64::from(width) / f64::from(height);
+    let camera = Camera::new(&framing.view, aspect)?;
+    let entrance = frame.entrance(camera.position);
+    Ok(Sensor::Camera(camera, entrance))
+}
+
+/// A guess of the rays of a run.
+fn rays(plan: &Plan, subject: &Subject, sensor: &Sensor) -> f64 {
+    let (area, vantage) = match sensor {
+        Sensor::Camera(_, entrance) => {
+            let band = plan.part.map_or((1, 1), |part| part.band);
+            let window = subject.sensed.window().band(band, SIDE);
+            let vantage = match entrance.is_inside {
+                true => Vantage::Inside,
+                false => Vantage::Outside,
+            };
+            (window.area(), vantage)
+        }
+        Sensor::Receivers(all) => (all.count(), Vantage::Receivers),
+    };
+    let budget = Budget { samples: plan.goal(1), ..plan.budget };
+    expected_rays(&budget, plan.surfaces.albedo, area, vantage)
+}
+
+/// Notes how many receivers there are.
+fn check_receivers(
+    plan: &Plan,
+    table: &Table,
+    count: usize,
+    subject: &mut Subject,
+) -> Result<()> {
+    let name = table.shape.name();
+    if count == 0 {
+        return Err(format!("none of the {name} has a value").into());
+    }
+    if let Sensed::Receivers { count: of, .. } = &mut subject.sensed {
+        *of = count as u32;
+    }
+    let rows = subject.sensed.window().tile_rows(tile_height(true));
+    if plan.part.is_some_and(|part| part.band.1 > rows) {
+        let fault = format!(
+            "--tiles: not more bands than there are tiles of {name}: {rows}"
+        );
+        return Err(Error::value("tiles", rows, fault));
+    }
+    Ok(())
+}
