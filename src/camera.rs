@@ -4,6 +4,8 @@
 //! A pinhole camera: from a point of the image to a direction.
 //!
 //! Image coordinates run over [0, 1) x [0, 1), from the top left.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::array;
 

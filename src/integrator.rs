@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Random variables whose mean is the radiance along a ray; and what a
 //! renderer is, which adds their values to a film.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod gather;
 

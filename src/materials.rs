@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What surfaces reflect: one albedo, or one for each face.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Floating-point operations that are exact, or the same everywhere.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::f64::consts::FRAC_PI_2;
 

@@ -5,6 +5,8 @@
 //!
 //! Neither their number nor their order changes a bit: a sample depends on
 //! its pixel and its number alone, and the sums of a film are exact.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod choose;
 

@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Samplers, and the directions that their numbers stand for.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod sobol;
 

@@ -6,6 +6,8 @@
 //! A `Mesh` is in the coordinates of its file, in double precision.
 //! A `Scene` is the same triangles after its `Frame` has brought them near
 //! the origin, without rounding.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod encoding;
 pub mod mesh;

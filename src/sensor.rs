@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What starts a sample: the ray of a camera, or a receiver, which is a point
 //! with a normal or a face.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod table;
 

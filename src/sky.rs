@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The only light: a half space of directions, uniform or overcast, or all
 //! directions.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::f64::consts::PI;
 

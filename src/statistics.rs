@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The mean of many values, and its error.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use bytemuck::{Pod, Zeroable, cast};
 

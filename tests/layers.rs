@@ -125,6 +125,49 @@ fn no_module_imports_upwards_or_in_a_circle() {
     }
 }
 
+/// What a render reaches although it decides no bit of a sample.
+const WITHOUT_BITS: [&str; 13] = [
+    "analysis",
+    "analysis::background",
+    "analysis::interior",
+    "bvh",
+    "bvh::binary",
+    "bvh::intersector",
+    "bvh::wide",
+    "film",
+    "film::errors",
+    "film::sums",
+    "memory",
+    "scene::encoding",
+    "scene::text",
+];
+
+#[test]
+fn modules_that_decide_samples_say_so() {
+    let mut texts = BTreeMap::new();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    read(&root.join("src"), "", &mut texts);
+    let imports = imports("litpt", &texts);
+    // Follow the imports of what renders
+    let renders =
+        |m: &&String| m.starts_with("integrator") || *m == "render";
+    let mut todo: Vec<_> = imports.keys().filter(renders).collect();
+    let mut reached = BTreeSet::new();
+    while let Some(module) = todo.pop() {
+        if reached.insert(&**module) {
+            todo.extend(&imports[module]);
+        }
+    }
+    for module in WITHOUT_BITS {
+        assert!(reached.remove(module), "{module} is not reached");
+    }
+    let line = "\n//! Its bits belong to `";
+    let says = texts.iter().filter(|(_, text)| text.contains(line));
+    let says: BTreeSet<_> = says.map(|(module, _)| &**module).collect();
+    let wrong = Vec::from_iter(reached.symmetric_difference(&says));
+    assert!(wrong.is_empty(), "a line more, or to be listed: {wrong:?}");
+}
+
 #[test]
 fn an_import_upwards_and_a_circle_are_found() {
     let texts = [

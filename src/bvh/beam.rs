@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The traversal of rays that start side by side in similar directions.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::array;
 

@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! An endless plane below the scene.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use glam::DVec3;
 

@@ -5,6 +5,8 @@
 //! AVX-512, with sixteen.
 //!
 //! Each function does what its portable namesake does.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::arch::x86_64::*;
 use std::mem::transmute;

@@ -5,6 +5,8 @@
 //!
 //! It depends on the ray and the triangles alone: where distances do not
 //! decide, faces and corners do.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use glam::{DVec3, Vec3Swizzles};
 

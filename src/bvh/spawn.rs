@@ -5,6 +5,8 @@
 //!
 //! The point is on the same side of all triangles as the ray that found
 //! it, and not nearer to any of them than the errors of the next ray.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 

@@ -6,6 +6,8 @@
 //! Boxes are compared with the ray in single precision. They are padded
 //! so that rounding cannot hide a triangle: each triangle that the exact
 //! test finds up to the end of the ray is tested, whatever the tree.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::array;
 use std::mem::MaybeUninit;

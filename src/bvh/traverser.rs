@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What a hierarchy answers by means of certain instructions.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::marker::PhantomData;
 

@@ -5,6 +5,8 @@
 //!
 //! The answers depend on the ray and the triangle alone, and are the
 //! same on every processor.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::array;
 

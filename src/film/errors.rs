@@ -7,7 +7,8 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Film, Window};
+use super::sums::Film;
+use super::tile::Window;
 use crate::statistics::Accumulator;
 
 /// What is known about an image as a whole.

@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Tiles and windows: rectangles of pixels of an image, and the order of the
 //! tiles along Hilbert's curve.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::str::FromStr;
 

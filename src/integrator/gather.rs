@@ -11,6 +11,8 @@
 //! ends [`correction`] estimates how wrong the cache is, and shares that among
 //! the samples of a group that see them. So a pixel errs by chance alone:
 //! by where its samples and their rays go, and by its corrections.
+//!
+//! Its bits belong to `GATHER_VERSION`.
 
 pub mod cache;
 pub mod correction;

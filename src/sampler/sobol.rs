@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Randomised quasi-Monte Carlo: points that fill the cube evenly, and
 //! scrambles of them that are independent.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use super::{Sampler, dimension, split_mix, to_unit};
 

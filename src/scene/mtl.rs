@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! From the text of a library of materials to what diffuse surfaces reflect.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use std::collections::BTreeSet;
 use std::collections::btree_map::{BTreeMap, Entry};

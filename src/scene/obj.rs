@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! From the text of a Wavefront OBJ to a mesh.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use glam::DVec3;
 use memchr::{memchr, memchr2};

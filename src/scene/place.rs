@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Where points and rays of the file are among the triangles.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use glam::{BVec3, DVec3};
 

@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Faces with more than three corners: where a fan of triangles does
 //! not fill a face, other triangles between its corners.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;

@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A cache of the radiance that leaves the surfaces, with guides: learnt
 //! from recorded reflections.
+//!
+//! Its bits belong to `GATHER_VERSION`.
 
 use std::ops::Range;
 

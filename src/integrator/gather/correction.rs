@@ -5,6 +5,8 @@
 //!
 //! Of a tile's samples, sorted by place, each group takes one in so many:
 //! all groups are spread over the tile alike.
+//!
+//! Its bits belong to `GATHER_VERSION`.
 
 use std::f64::consts::PI;
 

@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Directions drawn where light was seen before: path guiding with a
 //! histogram over the square of cosine sampling.
+//!
+//! Its bits belong to `GATHER_VERSION`.
 
 use std::array;
 

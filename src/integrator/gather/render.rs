@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Renders a film by gathering.
+//!
+//! Its bits belong to `GATHER_VERSION`.
 
 use std::sync::Arc;
 

@@ -2,6 +2,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Learns a cache from paths, and the samples of pixels from a pilot.
+//!
+//! Its bits belong to `GATHER_VERSION`.
 
 use std::mem::take;
 use std::ops::Range;

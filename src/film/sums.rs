@@ -1,0 +1,382 @@
+// Tangled from chapters/film.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The accumulators of the pixels of a window, and which samples they hold.
+
+use std::io::{self, Read, Write};
+use std::ops::Range;
+
+use glam::Vec2;
+use rayon::prelude::*;
+
+use super::tile::{SIDE, Tile, Window, tile_height};
+use super::tile::{along_curve, van_der_corput};
+use crate::memory::zeroed;
+use crate::numerics::power_of_two;
+use crate::statistics::Accumulator;
+
+/// A tile of a film, to be filled.
+pub struct FilmTile<'a> {
+    /// Where it lies.
+    pub tile: Tile,
+    /// Its pixels, row by row.
+    pub pixels: &'a mut [Accumulator],
+    /// Its mean, if the film has one.
+    pub mean: Option<&'a mut Accumulator>,
+    /// The halves of its pixels, or nothing if the film has none.
+    pub halves: &'a mut [HalfBuffers],
+}
+
+/// An image in the making, or a part of it: one accumulator per pixel.
+#[derive(Clone, Debug)]
+pub struct Film {
+    /// Width and height of the whole image.
+    pub resolution: (u32, u32),
+    /// Whether it lists receivers, which have no neighbours, in one column.
+    pub is_list: bool,
+    /// The pixels that it holds.
+    pub window: Window,
+    /// The window of its run.
+    pub run_window: Window,
+    /// The samples of each pixel that come before its own.
+    pub sample_offset: u64,
+    /// The samples of a replicate, which were placed together and whose mean is
+    /// one value of an accumulator; on average over the pixels.
+    pub net_size: u64,
+    pub(super) tiles: Vec<Tile>,
+    /// The place of each tile in `tiles`, by row and column.
+    places: Vec<u32>,
+    /// The pixels in the order in which they are stored: tile by tile, each
+    /// row by row.
+    pub pixels: Vec<Accumulator>,
+    /// The means of each tile, if its pixels share random numbers; else none.
+    pub tile_means: Vec<Accumulator>,
+    /// The halves of the pixels, in the same order; none unless a picture is
+    /// to be filtered.
+    pub halves: Vec<HalfBuffers>,
+}
+
+/// Watches the work on a film: called, from any thread, with what is done,
+/// as the paths that a finished tile has taken, and with 0 in between.
+/// Answers whether to go on.
+pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
+
+/// The values of a pixel in two halves, those of even and of odd numbers: of
+/// each the sums of what was gathered and of its corrections, in units of
+/// 2^-32, and the number of values.
+pub type HalfBuffers = [[i64; 3]; 2];
+
+/// Adds the value of this number: what was gathered, and its correction.
+pub fn add_value(halves: &mut HalfBuffers, number: u64, parts: [f64; 2]) {
+    let [gathered, corrected] = parts.map(|part| (part * UNIT) as i64);
+    let half = &mut halves[(number % 2) as usize];
+    for (sum, more) in half.iter_mut().zip([gathered, corrected, 1]) {
+        *sum = sum.wrapping_add(more);
+    }
+}
+
+/// Takes all values of other halves into account.
+pub fn add_halves(halves: &mut [HalfBuffers], others: &[HalfBuffers]) {
+    let others = others.as_flattened().as_flattened();
+    let halves = halves.as_flattened_mut().as_flattened_mut();
+    for (sum, more) in halves.iter_mut().zip(others) {
+        *sum = sum.wrapping_add(*more);
+    }
+}
+
+/// Units of the sums of halves in 1.
+const UNIT: f64 = power_of_two(32);
+
+impl Film {
+    /// The film of a whole image of at least one pixel, without a sample.
+    pub fn new(width: u32, height: u32) -> Self {
+        let window = Window { corner: (0, 0), size: (width, height) };
+        Self::cropped((width, height), window, false)
+    }
+
+    /// The tiles of a window, and the place of each by row and column.
+    fn layout(window: Window, height: u32) -> (Vec<Tile>, Vec<u32>) {
+        let ((left, top), (columns, rows)) = window.cells(height);
+        let side = columns.max(rows).next_power_of_two();
+        let row = |y| (0..columns).map(move |x| (x, y));
+        let mut cells = Vec::from_iter((0..rows).flat_map(row));
+        cells.par_sort_by_cached_key(|&(x, y)| along_curve(side, x, y));
+        let mut places = vec![0; cells.len()];
+        let mut tiles = Vec::with_capacity(cells.len());
+        let mut start = 0;
+        for (place, number) in van_der_corput(cells.len()).enumerate() {
+            let (x, y) = cells[number];
+            // Append the tile of one cell
+            places[(y * columns + x) as usize] = place as u32;
+            let corner = ((left + x) * SIDE, (top + y) * height);
+            let cell = Window { corner, size: (SIDE, height) };
+            let Window { corner, size } = cell.grown(0, window);
+            tiles.push(Tile { corner, size, start, number: number as u32 });
+            start += (size.0 * size.1) as usize;
+        }
+        (tiles, places)
+    }
+
+    /// The film of a window that lies within an image of this `resolution`,
+    /// or within a list.
+    pub fn cropped(
+        resolution: (u32, u32),
+        window: Window,
+        is_list: bool,
+    ) -> Self {
+        let (tiles, places) = Self::layout(window, tile_height(is_list));
+        let pixels = zeroed(window.area()).expect("memory for a film");
+        // Create a film of these tiles
+        Self {
+            resolution,
+            is_list,
+            window,
+            run_window: window,
+            sample_offset: 0,
+            net_size: 1,
+            tiles,
+            places,
+            pixels,
+            tile_means: vec![],
+            halves: vec![],
+        }
+    }
+
+    /// The tiles in the order in which they are rendered.
+    pub fn tiles(&mut self) -> Vec<FilmTile<'_>> {
+        let begun = self.pixels[0].count() > 0;
+        let mut rest = &mut self.pixels[..];
+        let mut halves = &mut self.halves[..];
+        let mut means = self.tile_means.iter_mut();
+        let part = |&tile: &Tile| FilmTile {
+            tile,
+            pixels: rest.split_off_mut(..tile.area()).unwrap_or_default(),
+            mean: means.next(),
+            halves: halves.split_off_mut(..tile.area()).unwrap_or_default(),
+        };
+        let mut parts: Vec<_> = self.tiles.iter().map(part).collect();
+        if begun {
+            parts.sort_unstable_by_key(|part| part.tile.number);
+        }
+        parts
+    }
+
+    /// The pixel of column `x` and row `y` of the image, in the window.
+    pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
+        let tile = &self.tiles[self.place(x, y)];
+        let (column, row) = (x - tile.corner.0, y - tile.corner.1);
+        &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
+    }
+
+    /// The place in memory of the tile that holds a pixel.
+    fn place(&self, x: u32, y: u32) -> usize {
+        let side = self.tile_height();
+        let ((left, top), (columns, _)) = self.window.cells(side);
+        let cell = (y / side - top) * columns + x / SIDE - left;
+        self.places[cell as usize] as usize
+    }
+
+    /// Number of pixels.
+    pub fn area(&self) -> u64 {
+        self.pixels.len() as u64
+    }
+
+    /// Bands of at most `SIDE` rows of its window.
+    pub(super) fn bands(
+        &self,
+    ) -> impl IndexedParallelIterator<Item = Window> {
+        let tops = (0..self.window.size.1).into_par_iter();
+        tops.step_by(SIDE as usize).map(|top| self.window.rows(top, SIDE))
+    }
+
+    /// The tiles of the whole window of its run.
+    pub fn all_tiles(&self) -> Vec<Tile> {
+        Self::layout(self.run_window, self.tile_height()).0
+    }
+
+    /// The height of its tiles.
+    pub fn tile_height(&self) -> u32 {
+        tile_height(self.is_list)
+    }
+
+    /// The pixels, row by row from the top left.
+    pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
+        let strips = self.strips(self.window);
+        strips.flat_map(|(_, strip)| &self.pixels[strip])
+    }
+
+    /// A term of the halves of each pixel, row by row: sums of what was gathered
+    /// (0) or of corrections (1), or numbers of values (2).
+    pub fn halves_of(&self, term: usize) -> impl Iterator<Item = Vec2> {
+        let unit = if term < 2 { UNIT } else { 1. };
+        let strips = self.strips(self.window);
+        let halves = strips.flat_map(|(_, strip)| self.halves.get(strip));
+        halves.flatten().map(move |halves| {
+            Vec2::from(halves.map(|half| (half[term] as f64 / unit) as f32))
+        })
+    }
+
+    /// Where the pixels of a window are stored, row by row, those of each tile
+    /// together, with the place of the tile.
+    fn strips(
+        &self,
+        window: Window,
+    ) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let ((left, _), (columns, _)) = window.cells(SIDE);
+        let strip = move |column, y| {
+            let place = self.place(column * SIDE, y);
+            let Tile { corner, size, start, .. } = self.tiles[place];
+            let x = corner.0.max(window.corner.0);
+            let length = (corner.0 + size.0).min(window.end().0) - x;
+            let at =
+                start + ((y - corner.1) * size.0 + x - corner.0) as usize;
+            (place, at..at + length as usize)
+        };
+        let columns =
+            move |y| (left..left + columns).map(move |x| strip(x, y));
+        (window.corner.1..window.end().1).flat_map(columns)
+    }
+
+    /// The means of the pixels, row by row from the top left.
+    pub fn means(&self) -> impl Iterator<Item = f64> {
+        self.rows().map(Accumulator::mean)
+    }
+
+    /// Whether the tile of this place has a sample.
+    fn is_sampled(&self, place: usize) -> bool {
+        self.pixels[self.tiles[place].start].count() > 0
+    }
+
+    /// A value of each pixel of a window, row by row: `none` without a sample.
+    pub(super) fn values(
+        &self,
+        window: Window,
+        none: f64,
+        of: impl Fn(usize, &Accumulator) -> f64,
+    ) -> Vec<f64> {
+        let mut values = Vec::with_capacity(window.area());
+        // Append the values of a strip
+        for (place, strip) in self.strips(window) {
+            let strip = &self.pixels[strip];
+            match self.is_sampled(place) {
+                true => values.extend(strip.iter().map(|p| of(place, p))),
+                false => values.resize(values.len() + strip.len(), none),
+            }
+        }
+        values
+    }
+
+    /// The means of a window, row by row; not a number without a sample.
+    pub fn means_of(&self, window: Window) -> Vec<f64> {
+        self.values(window, f64::NAN, |_, pixel| pixel.mean())
+    }
+
+    /// The samples of the pixels of a window, row by row, given those of each
+    /// pixel of the run in a replicate, if they differ.
+    pub fn counts_of(
+        &self,
+        window: Window,
+        net_sizes: Option<&[u32]>,
+    ) -> Vec<f64> {
+        let counts = self.values(window, 0., |_, p| p.count() as f64);
+        let (run, (left, top)) = (self.run_window, window.corner);
+        let at = |i: u32| {
+            let (x, y) =
+                (left + i % window.size.0, top + i / window.size.0);
+            (y - run.corner.1) * run.size.0 + x - run.corner.0
+        };
+        let each = |i| {
+            net_sizes
+                .map_or(self.net_size, |sizes| sizes[at(i) as usize].into())
+                as f64
+        };
+        (0..).zip(counts).map(|(i, count)| count * each(i)).collect()
+    }
+
+    /// The samples that every pixel has at least.
+    pub fn samples(&self) -> u64 {
+        let tiles = self.tiles.iter();
+        let counts = tiles.map(|tile| self.pixels[tile.start].count());
+        counts.min().unwrap_or(0) * self.net_size
+    }
+
+    /// The number of pixels without a sample.
+    pub fn unsampled(&self) -> u64 {
+        let tiles = self.tiles.iter().enumerate();
+        let empty = tiles.filter(|(place, _)| !self.is_sampled(*place));
+        empty.map(|(_, tile)| tile.area() as u64).sum()
+    }
+
+    /// The number of pixels with a sample whose mean is below a radiance.
+    pub fn darker(&self, radiance: f64) -> u64 {
+        let is_dark =
+            |p: &&Accumulator| p.count() > 0 && p.mean() < radiance;
+        self.pixels.par_iter().filter(is_dark).count() as u64
+    }
+
+    /// The same film, whose accumulators take one value for so many samples.
+    /// It must be empty.
+    pub fn with_net_size(self, samples: u64) -> Self {
+        Self { net_size: samples, ..self }
+    }
+
+    /// The same film, whose pixels share random numbers within a tile. It must
+    /// be empty.
+    pub fn with_shared_tiles(mut self) -> Self {
+        self.tile_means = vec![Accumulator::default(); self.tiles.len()];
+        self
+    }
+
+    /// The same film, which keeps halves. It must be empty.
+    pub fn with_halves(mut self) -> Self {
+        self.halves = vec![HalfBuffers::default(); self.pixels.len()];
+        self
+    }
+
+    /// Takes the samples of a film of some of its tiles into account.
+    pub fn merge(&mut self, part: &Self) {
+        if part.halves.is_empty() {
+            self.halves.clear();
+        }
+        for (number, tile) in part.tiles.iter().enumerate() {
+            let place = self.place(tile.corner.0, tile.corner.1);
+            let Tile { start, size, .. } = self.tiles[place];
+            assert_eq!(size, tile.size, "the tile at {:?}", tile.corner);
+            let sums = &mut self.pixels[start..];
+            let more = &part.pixels[tile.start..][..tile.area()];
+            sums.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
+            if let Some(mean) = part.tile_means.get(number) {
+                self.tile_means[place].merge(mean);
+            }
+            if !self.halves.is_empty() {
+                let halves = &mut self.halves[start..];
+                let more = &part.halves[tile.start..][..tile.area()];
+                add_halves(halves, more);
+            }
+        }
+    }
+
+    /// Writes the sums.
+    pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        for sums in self.pixels.iter().chain(&self.tile_means) {
+            out.write_all(&sums.to_bytes())?;
+        }
+        let mut halves = self.halves.as_flattened().as_flattened().iter();
+        halves.try_for_each(|sum| out.write_all(&sum.to_le_bytes()))
+    }
+
+    /// Fills an empty film with sums that one of the same run has written.
+    pub fn read(&mut self, from: &mut dyn Read) -> io::Result<()> {
+        let mut bytes = [0; 64];
+        for sums in self.pixels.iter_mut().chain(&mut self.tile_means) {
+            from.read_exact(&mut bytes)?;
+            *sums = Accumulator::from_bytes(&bytes);
+        }
+        let mut bytes = [0; 8];
+        for sum in self.halves.as_flattened_mut().as_flattened_mut() {
+            from.read_exact(&mut bytes)?;
+            *sum = i64::from_le_bytes(bytes);
+        }
+        Ok(())
+    }
+}
