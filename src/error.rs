@@ -12,6 +12,7 @@
 //! assert!(matches!(error, Error::Content(fault) if fault.line == Some(1)));
 //! ```
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::{fmt, io};
 
@@ -84,15 +85,9 @@ pub enum Error {
 /// A value, or the reason why there is none.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-impl From<&str> for Error {
-    fn from(text: &str) -> Self {
-        Self::Content(text.into())
-    }
-}
-
-impl From<String> for Error {
-    fn from(text: String) -> Self {
-        Self::Content(text.into())
+impl<T: Into<Cow<'static, str>>> From<T> for Error {
+    fn from(text: T) -> Self {
+        Self::Content(Diagnostic::from(text.into()))
     }
 }
 
@@ -103,6 +98,11 @@ impl Error {
             Self::Content(fault) => Self::Content(fault.of_file(file)),
             other => other,
         }
+    }
+
+    /// What is wrong with the content of this file.
+    pub fn in_file(file: impl ToString, fault: impl Into<String>) -> Self {
+        Self::Content(Diagnostic::from(fault).of_file(file))
     }
 
     /// Turns what the system says into an error of an action on a file.

@@ -62,10 +62,10 @@ impl Format {
             Some("png") => Ok(Self::Png),
             Some("pfm") => Ok(Self::Pfm),
             Some("exr") => Ok(Self::Exr),
-            Some(_) => Err(Error::from(
+            Some(_) => Err(Error::in_file(
+                path.display(),
                 "unknown kind of image; name it .pgm, .png, .pfm or .exr",
-            )
-            .of_file(path.display())),
+            )),
         }
     }
 }
@@ -102,7 +102,7 @@ impl Image {
         let bytes: Vec<u8> = bytes.map_err(Error::cannot("read", &name))?;
         let note = &mut |text: &str| note(&format!("{name}: {text}"));
         Self::decode(&bytes, note).map_err(|fault| {
-            Error::from(shortened(&fault.to_string())).of_file(&name)
+            Error::in_file(&name, shortened(&fault.to_string()))
         })
     }
 

@@ -138,7 +138,7 @@ fn fill<W: Write>(content: &mut Content, out: W) -> io::Result<W> {
 
 fn exists(path: &Path) -> Error {
     let what = "the file exists; overwrite it with -f";
-    Error::from(what).of_file(path.display())
+    Error::in_file(path.display(), what)
 }
 
 /// Gives a complete file its name, or returns it with the reason why
@@ -203,24 +203,23 @@ impl OutputTarget {
                 libc::O_WRONLY | libc::O_RDWR => {
                     Ok(Self(Kind::Open(number)))
                 }
-                _ => {
-                    let fault = Error::from("not open for writing");
-                    Err(fault.of_file(name(number)))
-                }
+                _ => Err(Error::in_file(
+                    name(number),
+                    "not open for writing",
+                )),
             };
         }
         // Refuse names that cannot be written
         let name = path.display();
         match path.metadata() {
             Ok(there) if there.is_dir() => {
-                return Err(Error::from("is a directory").of_file(name));
+                return Err(Error::in_file(name, "is a directory"));
             }
             Ok(there) if there.is_file() && !force => {
                 return Err(exists(path));
             }
             Err(_) if path.is_symlink() => {
-                let fault = Error::from("dangling symbolic link");
-                return Err(fault.of_file(name));
+                return Err(Error::in_file(name, "dangling symbolic link"));
             }
             Err(e) if e.kind() != ErrorKind::NotFound => {
                 return Err(Error::cannot("write", name)(e));
@@ -338,8 +337,10 @@ pub fn refuse_aliases<'a>(
         if taken.contains(&place) {
             return Err(match descriptor(path) {
                 Some(1) => "standard output is named twice".into(),
-                _ => Error::from("this file is named twice")
-                    .of_file(path.display()),
+                _ => Error::in_file(
+                    path.display(),
+                    "this file is named twice",
+                ),
             });
         }
         taken.push(place);

@@ -846,7 +846,7 @@ fn build(
         let is_oriented =
             options.points.is_some() && left_out[1].is_empty();
         let around = (&bvh, &frame, subject.sky.zenith, is_oriented);
-        all.settle(around, |hit| grid.order(hit));
+        all.order(around, |hit| grid.order(hit));
         warn_all(&table.file, table.odd(all, |why, _| why != INSIDE));
         let (count, name) = (all.count(), table.shape.name());
         if count == 0 {

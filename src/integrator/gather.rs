@@ -221,7 +221,9 @@ impl<K: Intersector> Tracer<'_, K> {
         let grid = &self.cache.grid;
         let cell =
             *self.cache.at(grid.name_around(hit.point, hit.normal, u));
-        cell.of_share(self.gather.view.surfaces.share(hit.primitive) as f32)
+        cell.of_share(
+            self.gather.view.surfaces.relative_albedo(hit.primitive) as f32,
+        )
     }
 
     /// What a sample at (`x`, `y`) of the image begins with: a first hit, or

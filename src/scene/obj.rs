@@ -150,8 +150,8 @@ fn set_aside(
 
 /// The statement of this name with a number from 0.
 fn find<'a>(text: &'a [u8], named: &[u8], number: usize) -> &'a [u8] {
-    let mut all = lines(text).filter(|line| name(line) == named);
-    all.nth(number).unwrap_or(text)
+    let mut named_so = lines(text).filter(|line| name(line) == named);
+    named_so.nth(number).unwrap_or(text)
 }
 
 /// Refuses more elements than can be named.

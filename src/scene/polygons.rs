@@ -47,17 +47,17 @@ fn replace(
 ) -> (Vec<[u32; 3]>, Vec<u32>) {
     let mut is_joined = vec![false; triangles.len()];
     joined.iter().for_each(|&i| is_joined[i as usize] = true);
-    let (mut all, mut flags, mut from) = (vec![], vec![], 0);
+    let (mut filled, mut flags, mut from) = (vec![], vec![], 0);
     let end = (triangles.len(), 0, vec![]);
     for (first, count, cut) in new.iter().chain([&end]) {
-        all.extend(&triangles[from..*first]);
+        filled.extend(&triangles[from..*first]);
         flags.extend(&is_joined[from..*first]);
         flags.extend((0..cut.len()).map(|i| i > 0));
-        all.extend(cut);
+        filled.extend(cut);
         from = first + count;
     }
     let numbers = (0..).zip(flags).filter(|(_, joined)| *joined);
-    (all, numbers.map(|(i, _)| i).collect())
+    (filled, numbers.map(|(i, _)| i).collect())
 }
 
 /// Whether the fan is that of a quadrilateral that is nearly flat and
@@ -88,9 +88,9 @@ fn judge(
     let sides: Vec<_> = points.iter().map(|&p| p - points[0]).collect();
     let areas = sides.windows(2).map(|q| q[0].cross(q[1]));
     let normal: DVec3 = areas.clone().sum();
-    let all: f64 = areas.map(|area| area.length()).sum();
-    if normal.length() <= 1e-12 * all {
-        return (None, all > 1e-15 * sides.len() as f64);
+    let sum: f64 = areas.map(|area| area.length()).sum();
+    if normal.length() <= 1e-12 * sum {
+        return (None, sum > 1e-15 * sides.len() as f64);
     }
     // See the face along its normal
     let axis = normal.abs().max_position();

@@ -285,7 +285,8 @@ impl Integrator for Glance<'_> {
     ) -> PathEvent {
         if let (Some(cache), Some(hit), 1) = (self.cache, hit, path.count) {
             let cell = cache.at(cache.grid.name(hit.point, hit.normal));
-            let share = self.paths.surfaces.share(hit.primitive) as f32;
+            let share =
+                self.paths.surfaces.relative_albedo(hit.primitive) as f32;
             let value = f64::from(cell.of_share(share).value);
             if value > 0. {
                 return PathEvent::Terminate(path.throughput * value);

@@ -74,7 +74,7 @@ impl<K: Intersector> Tracer<'_, K> {
                             let u = [random.random(), random.random()];
                             let to =
                                 grid.name_around(hit.point, hit.normal, u);
-                            (to, surfaces.share(hit.primitive))
+                            (to, surfaces.relative_albedo(hit.primitive))
                         }
                     };
                     let (weight, bin) = (weight as f32, bin as u16);
