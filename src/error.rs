@@ -13,7 +13,7 @@
 //! ```
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::{fmt, io};
 
 use serde::{Deserialize, Serialize};
@@ -31,9 +31,9 @@ pub struct Diagnostic {
 
 impl Diagnostic {
     /// The same, about this file unless it has one already.
-    pub fn of_file(mut self, file: impl ToString) -> Self {
+    pub fn of_file(mut self, file: impl AsRef<Path>) -> Self {
         if self.file.is_empty() {
-            self.file = file.to_string();
+            self.file = file.as_ref().display().to_string();
         }
         self
     }
@@ -93,24 +93,20 @@ impl<T: Into<Cow<'static, str>>> From<T> for Error {
 
 impl Error {
     /// The same, about this file if it is of content that has no file yet.
-    pub fn of_file(self, file: impl ToString) -> Self {
+    pub fn of_file(self, file: impl AsRef<Path>) -> Self {
         match self {
             Self::Content(fault) => Self::Content(fault.of_file(file)),
             other => other,
         }
     }
 
-    /// What is wrong with the content of this file.
-    pub fn in_file(file: impl ToString, fault: impl Into<String>) -> Self {
-        Self::Content(Diagnostic::from(fault).of_file(file))
-    }
-
     /// Turns what the system says into an error of an action on a file.
     pub fn cannot(
         action: &'static str,
-        file: impl ToString,
+        file: impl AsRef<Path>,
     ) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::File { file: file.to_string(), action, source }
+        let file = file.as_ref().display().to_string();
+        move |source| Self::File { file, action, source }
     }
 
     /// The error of an argument.

@@ -62,10 +62,10 @@ impl Format {
             Some("png") => Ok(Self::Png),
             Some("pfm") => Ok(Self::Pfm),
             Some("exr") => Ok(Self::Exr),
-            Some(_) => Err(Error::in_file(
-                path.display(),
+            Some(_) => Err(Error::from(
                 "unknown kind of image; name it .pgm, .png, .pfm or .exr",
-            )),
+            )
+            .of_file(path)),
         }
     }
 }
@@ -102,7 +102,7 @@ impl Image {
         let bytes: Vec<u8> = bytes.map_err(Error::cannot("read", &name))?;
         let note = &mut |text: &str| note(&format!("{name}: {text}"));
         Self::decode(&bytes, note).map_err(|fault| {
-            Error::in_file(&name, shortened(&fault.to_string()))
+            Error::from(shortened(&fault.to_string())).of_file(&name)
         })
     }
 

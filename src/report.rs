@@ -45,10 +45,10 @@ impl Kind {
             Some("csv") => Ok(Kind::Csv),
             Some("html") => Ok(Kind::Html),
             _ if descriptor(path).is_some() || device() => Ok(Kind::Json),
-            _ => Err(Error::in_file(
-                path.display(),
+            _ => Err(Error::from(
                 "unknown kind of report; name it .json, .csv or .html",
-            )),
+            )
+            .of_file(path)),
         }
     }
 

@@ -179,8 +179,7 @@ impl Receivers {
         let [u, v] = u.map(to_unit);
         // Choose a point of a face
         let at = u * parts[parts.len() - 1].1;
-        let part = parts
-            .partition_point(|&(_, cumulative_area)| cumulative_area <= at);
+        let part = parts.partition_point(|&(_, area)| area <= at);
         let before = if part == 0 { 0. } else { parts[part - 1].1 };
         let (corners, cumulative_area) = parts[part];
         let [a, b, c] = corners;
@@ -413,9 +412,10 @@ impl Receivers {
                 normals[corner as usize] += normal * angle;
             }
         }
+        let normals = normals.into_iter().map(DVec3::normalize_or_zero);
         let receivers = places.iter().zip(normals);
-        let receivers = receivers
-            .map(|(&p, normal)| point(p, normal.normalize_or_zero()));
+        let receivers =
+            receivers.map(|(&place, normal)| point(place, normal));
         Self::partition_valid(receivers.collect(), vec![])
     }
 

@@ -168,7 +168,7 @@ impl Output {
         if descriptor(path).is_none() && self.format.is_some() {
             let fault = "--format is for standard output; the name of a file \
                          tells its format";
-            return Err(Error::in_file(path.display(), fault));
+            return Err(Error::from(fault).of_file(path));
         }
         let format = format_of(path, self.format.unwrap_or(usual))?;
         Ok((format, OutputTarget::file(path, self.force)?))
@@ -188,10 +188,7 @@ impl Output {
                     let fault = format!(
                         "this image is written as .{a:?} or .{b:?}"
                     );
-                    Err(Error::in_file(
-                        path.display(),
-                        fault.to_lowercase(),
-                    ))
+                    Err(Error::from(fault.to_lowercase()).of_file(path))
                 }
             }
         };
@@ -251,9 +248,8 @@ fn run(verb: &Verb) -> Result<ExitCode> {
         Verb::Stderr { input, to, relative } => {
             // Show the standard errors
             let targets = to.targets(Format::Pgm, Some(GREY))?;
-            let (grey, white) =
-                display::errors(&read(input)?, *relative)
-                    .map_err(|fault| fault.of_file(input.display()))?;
+            let (grey, white) = display::errors(&read(input)?, *relative)
+                .map_err(|fault| fault.of_file(input))?;
             targets.iter().try_for_each(|target| write(target, &grey))?;
             let what = if *relative { "relative " } else { "" };
             let line =
@@ -306,14 +302,14 @@ fn join(bands: &[PathBuf], to: &Output, exposure: Exposure) -> Result<()> {
         bands.iter().zip(&images).zip("rgb".chars())
     {
         // Compare a band with the first
-        let (first, file) = (&images[0], path.display());
+        let first = &images[0];
         if (image.width, image.height) != (first.width, first.height) {
-            return Err(Error::in_file(file, "it has another size"));
+            return Err(Error::from("it has another size").of_file(path));
         }
         let band = image.attributes.get("band");
         if let Some(band) = band.filter(|band| **band != name.to_string()) {
             let fault = format!("it is of --band {band}, not {name}");
-            return Err(Error::in_file(file, fault));
+            return Err(Error::from(fault).of_file(path));
         }
         let (first, other) = (&first.attributes, &image.attributes);
         let mut slips = disagreements(first, other);
@@ -322,7 +318,7 @@ fn join(bands: &[PathBuf], to: &Output, exposure: Exposure) -> Result<()> {
             slips.push("it has another seed".to_owned());
         }
         for slip in slips {
-            progress::warn(&format!("{file}: {slip}"));
+            progress::warn(&format!("{}: {slip}", path.display()));
         }
     }
     let colours = display::join(&images);

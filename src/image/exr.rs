@@ -134,18 +134,18 @@ impl Image {
     ) -> impl Iterator<Item = (&'static str, SampleType, &[f64])> {
         let Self { means, errors, samples, tile_errors, .. } = self;
         let means = self.channel(BANDS[0]).is_none().then_some(means);
-        let channels = [
+        let list = [
             (MEAN, SampleType::F32, means),
             (SAMPLES, SampleType::U32, samples.as_ref()),
             (ERROR, SampleType::F32, errors.as_ref()),
             (SHARED, SampleType::F32, tile_errors.as_ref()),
         ];
-        let channels = channels.into_iter();
-        let channels =
-            channels.filter_map(|(name, kind, v)| Some((name, kind, v?)));
+        let list = list.into_iter();
+        let list =
+            list.filter_map(|(name, kind, v)| Some((name, kind, v?)));
         let more = self.more.iter();
         let more = more.map(|(name, v)| (*name, SampleType::F32, v));
-        let mut channels: Vec<_> = channels.chain(more).collect();
+        let mut channels: Vec<_> = list.chain(more).collect();
         channels.sort_unstable_by_key(|channel| channel.0);
         channels.into_iter().map(|(name, kind, v)| (name, kind, &v[..]))
     }

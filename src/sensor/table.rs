@@ -19,7 +19,7 @@ use crate::sensor::{Oddity, Point, Receivers};
 /// Formats of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableFormat {
-    /// Comma-separated values.
+    /// Comma-singled values.
     Csv,
     /// Points or a mesh with a value each.
     Ply,
@@ -39,11 +39,11 @@ impl TableFormat {
             Some("ply") => Ok(Self::Ply),
             Some("obj") if has_vertices => Ok(Self::Obj),
             None if path.as_os_str() == "-" => Ok(Self::Csv),
-            _ => Err(Error::in_file(
-                path.display(),
+            _ => Err(Error::from(
                 "receivers have no image: expected .csv or .ply, or .obj, \
                  which shows values of --vertices",
-            )),
+            )
+            .of_file(path)),
         }
     }
 }
@@ -98,9 +98,7 @@ impl Table {
     /// The receivers, in its order.
     pub fn receivers(&self, scene: &Scene) -> Receivers {
         match &self.shape {
-            Shape::Points(points) => {
-                Receivers::points(points, &scene.frame)
-            }
+            Shape::Points(list) => Receivers::points(list, &scene.frame),
             Shape::Vertices => Receivers::vertices(&scene.triangles),
             Shape::Faces(faces) => {
                 let place = |i: u32| scene.triangles.vertices[i as usize];
@@ -142,9 +140,7 @@ impl Table {
     /// Where a receiver is in its file.
     fn place(&self, number: usize) -> String {
         match (&self.shape, self.face(number)) {
-            (Shape::Points(points), _) => {
-                format!("in line {}", points[number].2)
-            }
+            (Shape::Points(set), _) => format!("in line {}", set[number].2),
             (_, (face, true)) => format!("the back of {}", face + 1),
             (_, (face, false)) => (face + 1).to_string(),
         }
@@ -172,10 +168,7 @@ impl Table {
         let found = found.zip(film.counts_of(window, allocation));
         for (&number, ((mean, error), count)) in numbers.iter().zip(found) {
             let (face, _) = self.face(number as usize);
-            let part = self
-                .albedos
-                .as_ref()
-                .map_or(1., |albedos| albedos.of(face));
+            let part = self.albedos.as_ref().map_or(1., |a| a.of(face));
             let found = [mean, error].map(|x| (part * x) as f32);
             values[number as usize] = (found, count);
         }
@@ -310,9 +303,9 @@ impl Table {
         }
         // Write the triangles of a PLY
         for i in 0..count as u32 {
-            let separate = [0, 1, 2].map(|k| 3 * i + k);
+            let single = [0, 1, 2].map(|k| 3 * i + k);
             let corners =
-                if is_soup { separate } else { triangles[i as usize] };
+                if is_soup { single } else { triangles[i as usize] };
             out.write_all(&[3])?;
             out.write_all(&corners.map(u32::to_le_bytes).concat())?;
         }
