@@ -271,7 +271,7 @@ pub fn disagreements(
         return vec![];
     }
     let differ = |name: &&str| a.get(*name) != b.get(*name);
-    // Tell how an attribute differs
+    // Describe how an attribute differs
     let tell = |name: &str| {
         let [a, b] = [a, b].map(|of| match of.get(name) {
             Some(hash) if name == "scene_sha256" => {
@@ -348,7 +348,7 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference> {
     let parts: Vec<_> = pixels.clone().map(part).collect();
     let gaps: Vec<_> = pixels.map(|i| gap([a, b], i, None)).collect();
     let sum = film.sums(&parts)[0];
-    // Tell whether there is anything to test
+    // Require something to test
     let silent = a.errors.is_none() && b.errors.is_none();
     let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
     let identical = silent && a.means.iter().zip(&b.means).all(same);

@@ -91,7 +91,7 @@ pub fn libraries(
         );
         warnings.push(Diagnostic::from(what).of_file(scene));
     }
-    // Take one number of each material
+    // Reduce each material to one number
     let albedo = |[r, g, b]: [f64; 3]| match band {
         None => 0.2126 * r + 0.7152 * g + 0.0722 * b,
         Some(band) => [r, g, b][band as usize],

@@ -73,7 +73,7 @@ pub fn descriptor(path: &Path) -> Option<RawFd> {
 /// A temporary file in the directory of `path`.
 fn temporary(path: &Path) -> Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    // Let the user's mask decide the mode
+    // Apply the user's mask to the mode
     builder.permissions(Permissions::from_mode(0o666));
     builder.prefix(".pt-").tempfile_in(directory(path)).map_err(|e| {
         let text = e.to_string();

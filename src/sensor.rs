@@ -76,7 +76,7 @@ impl Sensor {
         };
         let rays = array::from_fn(|i| entrance.enter(look(i)?));
         let mut hits = intersector.first_hits(&rays);
-        // Have rays that miss the scene meet the ground
+        // Intersect the ground with rays that miss the scene
         for i in 0..BEAM {
             if let (Some(direction), None) = (look(i), &rays[i]) {
                 hits[i] = ground_below(intersector, entrance, direction);
@@ -428,7 +428,7 @@ impl Receivers {
     ) -> Self {
         let (mut receivers, mut parts) = (vec![], vec![]);
         for face in faces.chunk_by(|a, b| a == b) {
-            // Take the triangles of a face
+            // Sum the triangles of a face
             let (start, mut cumulative_area) = (parts.len(), 0.);
             for [a, b, c] in triangles.by_ref().take(face.len()) {
                 let area = cross(b - a, c - a).length();

@@ -373,7 +373,7 @@ fn merge(
                 .into(),
         );
     }
-    // Name the parts that are missing
+    // Report the parts that are missing
     if let Some(missing) = &merged.missing {
         let missing = format!("parts are missing: {missing}");
         if !partial {
@@ -422,7 +422,7 @@ fn inform(files: &[PathBuf], json: bool) -> Result<()> {
         say(&match json {
             true => Value::from_iter(facts).to_string(),
             false => {
-                // Put the facts into lines
+                // Print the facts in lines
                 let run = image.attributes.iter();
                 let run = run.map(|(name, text)| (&name[..], json!(text)));
                 let facts = facts.into_iter().chain(run);
@@ -512,7 +512,7 @@ fn diff(files: [&Path; 2], to: &Output, quiet: bool) -> Result<ExitCode> {
     }
     if !quiet {
         let mut lines = vec![];
-        // Say what the comparison takes for granted
+        // Report what the comparison takes for granted
         let differing =
             disagreements(&first.attributes, &second.attributes);
         if !differing.is_empty() {

@@ -71,6 +71,9 @@ pub fn picture(image: Image) -> Image {
 
 /// One image of three bands of the same size, red, green and blue, with
 /// their errors and their opacity.
+///
+/// # Panics
+/// There are not three, or one is smaller than the first.
 pub fn join(bands: &[Image]) -> Image {
     let mut more = vec![];
     for (i, image) in bands.iter().enumerate() {

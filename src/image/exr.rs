@@ -106,7 +106,7 @@ fn header(image: &dyn Source) -> Header {
     let channels = pixel
         .channels()
         .map(|(name, kind, _)| ChannelDescription::named(name, kind));
-    // Say how large the blocks are
+    // Set the size of the blocks
     let tiles = BlockDescription::Tiles(TileDescription {
         tile_size: Vec2(TILE, TILE),
         level_mode: LevelMode::Singular,
@@ -263,7 +263,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image> {
         let whole = samples.len() == layer.size.area();
         whole.then(|| pixels.clone().map(value).collect())
     };
-    // Take colours where there is no luminance
+    // Compute the luminance of colours
     let coloured = || {
         let [r, g, b] = BANDS.map(values);
         let colours = [r?, g?, b?];

@@ -87,7 +87,7 @@ pub fn read_pieces(
     let parts: Vec<_> = pieces.par_iter().zip(before).map(read).collect();
     let parts = parts.into_iter().collect::<Result<Vec<_>, _>>();
     let parts = parts.map_err(|(line, what)| at(text, line, what))?;
-    // Put the meshes one behind the other
+    // Concatenate the meshes
     let count = parts.iter().map(|part| part.triangles.len()).sum();
     countable(total.max(count))?;
     let mut mesh = Mesh::default();
