@@ -4,15 +4,16 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use std::error::Error;
 use std::path::Path;
 
 use litpt::compare::compare;
 use litpt::image::Image;
 
-fn main() -> Result<(), String> {
+fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<_> = std::env::args().skip(1).collect();
     let [a, b] = &words[..] else {
-        return Err("usage: agree A.exr B.exr".to_owned());
+        return Err("usage: agree A.exr B.exr".into());
     };
     let [a, b] = [a, b].map(|path| Image::read(Path::new(path)));
     let difference = compare(&a?, &b?)?;

@@ -119,10 +119,3 @@ impl Error {
         Self::Value { name, value, fault }
     }
 }
-
-/// The message, for programs that do no more than print it.
-impl From<Error> for String {
-    fn from(error: Error) -> Self {
-        error.to_string()
-    }
-}

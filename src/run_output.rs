@@ -203,7 +203,7 @@ impl<'a> RunOutput<'a> {
                 Some(_) => file.target.rewrite(content),
                 None => file.target.write(content),
             };
-            failures.extend(written.err().map(String::from));
+            failures.extend(written.err().map(|error| error.to_string()));
             // Say when a file is due again
             let mut took = began.elapsed();
             if file.product.is_picture() {

@@ -181,8 +181,7 @@ impl Receivers {
         let [u, v] = u.map(to_unit);
         // Choose a point of a face
         let at = u * parts[parts.len() - 1].1;
-        let part = parts
-            .partition_point(|&(_, cumulative_area)| cumulative_area <= at);
+        let part = parts.partition_point(|&(_, area)| area <= at);
         let before = if part == 0 { 0. } else { parts[part - 1].1 };
         let (corners, cumulative_area) = parts[part];
         let [a, b, c] = corners;

@@ -312,7 +312,7 @@ fn at_most_80_characters_are_quoted() {
     for line in ["v 1 1 ", "v 1 1 1 ", "f 1 2 ", "f 1 2 3/", "q"] {
         let told = read_file(with(&format!("{line}{long}\n")).as_bytes());
         let told =
-            told.map_or_else(String::from, |(_, w)| w[0].to_string());
+            told.map_or_else(|e| e.to_string(), |(_, w)| w[0].to_string());
         assert!(told.contains("..."), "{told}");
         assert!(told.chars().count() < 140, "{told}");
     }

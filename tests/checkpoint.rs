@@ -70,7 +70,9 @@ fn resume(
     film: &mut Film,
     file: Cursor<impl AsRef<[u8]>>,
 ) -> Result<Convergence, String> {
-    Ok(Checkpoint::open(file)?.resume(run_key, film)?)
+    let resumed = Checkpoint::open(file);
+    let resumed = resumed.and_then(|state| state.resume(run_key, film));
+    resumed.map_err(|error| error.to_string())
 }
 
 #[track_caller]

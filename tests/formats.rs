@@ -45,7 +45,7 @@ fn images() -> [Image; 2] {
 }
 
 fn decode(bytes: &[u8]) -> Result<Image, String> {
-    Image::decode(bytes, &mut |_| ()).map_err(String::from)
+    Image::decode(bytes, &mut |_| ()).map_err(|e| e.to_string())
 }
 
 /// An image that is not as it should be, and what was said of it.

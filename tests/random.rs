@@ -393,7 +393,8 @@ impl Case {
         let Scene { frame, triangles, left_out } = Scene::new(mesh);
         let resolution @ (width, height) = self.resolution;
         let aspect = f64::from(width) / f64::from(height);
-        let camera = Camera::new(view, aspect)?;
+        let camera = Camera::new(view, aspect);
+        let camera = camera.map_err(|error| error.to_string())?;
         let bvh = Bvh::of(triangles, quality, isa, &|_| ());
         let intersector = &bvh.map_err(|error| error.to_string())?;
         let entrance = frame.entrance(camera.position);

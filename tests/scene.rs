@@ -225,11 +225,12 @@ fn a_text_reads_the_same_in_pieces_of_any_size() {
             let at = text.len() - random.below(text.len());
             text.insert_str(at, random.one_of(&odd));
         }
-        let pieces =
-            |size| read_pieces(text.as_bytes(), size).map_err(String::from);
+        let pieces = |size| {
+            read_pieces(text.as_bytes(), size).map_err(|e| e.to_string())
+        };
         let whole = pieces(text.len());
         let read_whole = read_file(text.as_bytes());
-        assert_eq!(read_whole.map_err(String::from), whole);
+        assert_eq!(read_whole.map_err(|e| e.to_string()), whole);
         read.0 += usize::from(whole.is_ok());
         read.1 += whole.iter().flat_map(|(_, warnings)| warnings).count();
         for size in [0, 1, 2, 3, 5, 16, 100] {

@@ -328,7 +328,10 @@ impl Setting {
     }
 
     /// The same with these albedos, for the rest of the program.
-    pub fn painted(self, faces: &FaceAlbedos) -> Result<Self, String> {
+    pub fn painted(
+        self,
+        faces: &FaceAlbedos,
+    ) -> litpt::error::Result<Self> {
         let table = AlbedoTable::new(faces, &self.intersector)?;
         let surfaces = Surfaces::new(Box::leak(table.into()), None);
         let integrator = PathTracer::new(surfaces, self.integrator.sky);

@@ -400,9 +400,9 @@ fn merge(
         ));
     }
     let convergence = merged.known.report.convergence.clone();
-    let mut output =
-        RunOutput::new(targets, &Outputs::default(), merged.known, None);
-    Ok(output.write(&convergence, &merged.film, None)?)
+    let outputs = Outputs::default();
+    let mut output = RunOutput::new(targets, &outputs, merged.known, None);
+    output.write(&convergence, &merged.film, None)
 }
 
 /// Reads an image and warns of what is not as it should be.

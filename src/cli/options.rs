@@ -387,7 +387,7 @@ pub enum Error {
 
 impl From<crate::error::Error> for Error {
     fn from(error: crate::error::Error) -> Self {
-        Self::Failure(error.into())
+        Self::Failure(error.to_string())
     }
 }
 

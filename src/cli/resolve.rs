@@ -11,6 +11,7 @@ use glam::DVec3;
 use super::options::{Error, Options, usage};
 use super::values::Norm;
 use crate::bvh::Isa;
+use crate::error;
 use crate::film::{ErrorNorm, SIDE, Window};
 use crate::image::Format;
 use crate::key::Part;
@@ -195,16 +196,17 @@ impl Options {
             return Err(usage(fault, "pt"));
         }
         let report = |path: &PathBuf| match Kind::of(path)? {
-            Kind::Html if is_list => Err(format!(
-                "{}: a page shows an image, and receivers have none",
-                path.display()
-            )),
+            Kind::Html if is_list => {
+                let fault =
+                    "a page shows an image, and receivers have none";
+                Err(error::Error::from(fault).of_file(path))
+            }
             kind => Ok((Product::Report(kind), path.clone())),
         };
         let images = images.into_iter().map(image);
         let reports = self.outputs.report.iter().map(report);
         let all = images.chain(states.into_iter().map(Ok)).chain(reports);
-        Ok(all.collect::<Result<_, String>>()?)
+        Ok(all.collect::<error::Result<_>>()?)
     }
 
     /// The plan of a run that goes on: of what is typed, limits, outputs, the

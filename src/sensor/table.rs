@@ -184,7 +184,7 @@ impl Table {
         let found = found.zip(film.counts_of(window, allocation));
         for (&number, ((mean, error), count)) in numbers.iter().zip(found) {
             let (face, _) = self.face(number as usize);
-            let part = self.albedos.as_ref().map_or(1., |all| all.of(face));
+            let part = self.albedos.as_ref().map_or(1., |a| a.of(face));
             let found = [mean, error].map(|x| (part * x) as f32);
             values[number as usize] = (found, count);
         }
