@@ -37,7 +37,8 @@ endif
 COMPILED := $(CARGO_TARGET_DIR)/$(patsubst dev,debug,$(PROFILE_$(BUILD_TYPE)))
 
 NOWEB := $(CARGO_TARGET_DIR)/tool/noweb
-NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs noweb/new/*)
+NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml noweb/core/Cargo.toml \
+  $(wildcard noweb/src/*.rs noweb/core/src/*.rs noweb/new/*)
 # What cargo, the compiler and the tests say is shown at the chapters. The tool
 # runs the command, translates what it says, and ends with its status.
 MAP = $(NOWEB) map litpt.nw noweb/noweb.nw --
@@ -98,7 +99,7 @@ help:
 $(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB) $(LOST)
 	$(if $(LOST),$(error no master includes $(LOST)))
 	@mkdir -p $(BUILD_DIR)
-	$(NOWEB) tangle --record src/.tangled $(WEB)
+	$(NOWEB) tangle --record src/.tangled litpt.nw
 	@touch $@
 
 src/.tangled: $(BUILD_DIR)/tangled.stamp
@@ -307,10 +308,10 @@ endef
 check: $(NOWEB)
 	$(MAP) $(CARGO) fmt --all --check
 	$(MAP) $(CLIPPY)
-	$(NOWEB) tangle --check --record src/.tangled $(WEB)
-	$(NOWEB) tangle --check --record noweb/.tangled $(TOOL_WEB)
+	$(NOWEB) tangle --check --record src/.tangled litpt.nw
+	$(NOWEB) tangle --check --record noweb/.tangled noweb/noweb.nw
 	$(call CHECK_INDEX,src,litpt.nw chapters)
-	$(call CHECK_INDEX,noweb/src,noweb/noweb.nw noweb/chapters)
+	$(call CHECK_INDEX,noweb/src noweb/core/src,noweb/noweb.nw noweb/chapters)
 	@if command -v python3 > /dev/null; then \
 	  python3 book/scripts/prose --sizes $(CHAPTERS) $(TOOL_CHAPTERS); fi
 	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \
@@ -331,8 +332,8 @@ prose:
 
 # Edits of tangled files go home; make boot then builds the tool from its own.
 untangle: $(NOWEB)
-	$(NOWEB) untangle --record src/.tangled $(WEB)
-	$(NOWEB) untangle --record noweb/.tangled $(TOOL_WEB)
+	$(NOWEB) untangle --record src/.tangled litpt.nw
+	$(NOWEB) untangle --record noweb/.tangled noweb/noweb.nw
 
 # Cargo's build script tangles what was saved.
 watch: $(NOWEB)

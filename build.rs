@@ -9,7 +9,8 @@
 
 use std::path::{Path, PathBuf};
 
-use noweb::project::{Project, included};
+use noweb_core::diagnostic::Diagnostic;
+use noweb_core::project::{Project, included};
 
 const MASTER: &str = "litpt.nw";
 
@@ -36,16 +37,14 @@ fn tangle() -> Result<Vec<PathBuf>, String> {
     let chapters = included(Path::new("."), Path::new(MASTER))
         .map_err(|error| format!("{MASTER}: {error}"))?;
     let mut watched = chapters.clone();
-    let project = Project {
-        record: PathBuf::from("src/.tangled"),
-        chapters,
-        ..Project::default()
-    };
-    let all = |diagnostics: Vec<noweb::diagnostic::Diagnostic>| {
+    let mut project = Project::new(chapters);
+    project.record = PathBuf::from("src/.tangled");
+    project.words = format!(" {MASTER}");
+    let all = |diagnostics: Vec<Diagnostic>| {
         let lines = diagnostics.iter().map(|d| d.to_string());
         lines.collect::<Vec<_>>().join("\n")
     };
     let plan = project.tangle().map_err(all)?;
-    watched.extend(plan.outputs.into_iter().map(|output| output.path));
+    watched.extend(plan.program.files.into_iter().map(|(path, _)| path));
     Ok(watched)
 }

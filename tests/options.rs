@@ -245,8 +245,8 @@ fn a_resumed_run_has_its_plan_with_other_limits_and_outputs() {
     let names = ["f.pgm", "e", "/there/r.csv"];
     assert_eq!(files(&more), names.map(std::path::PathBuf::from));
     for (words, name) in [
-        (&["a.obj"][..], "FILE cannot be given with --resume"),
-        (&["-r0.5"], "--albedos"),
+        (&["-r0.5"][..], "--albedos: the run that is resumed has another"),
+        (&["-s1"], "another seed"),
         (&["--points=p"], "--points"),
         (&["--preview", "-ob.pfm"], "--preview needs a PNG"),
     ] {
@@ -255,6 +255,9 @@ fn a_resumed_run_has_its_plan_with_other_limits_and_outputs() {
         };
         assert!(line.contains(name), "{line}");
     }
+    // What is repeated as it was, or where the scene is now, is no change.
+    let again = resumed(&["a.obj", "-r1", "-s0"], &before).unwrap();
+    assert_eq!(again.scene, Path::new("a.obj"));
     // The state is that of the run unless another is named.
     let none = parsed(&["-oa.pfm"]);
     let plan = resumed(&[], &none).unwrap();

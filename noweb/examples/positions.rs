@@ -14,13 +14,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use noweb::map::Filter;
-use noweb::project::{Project, included};
+use noweb::project::{self, included};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let master = std::env::args().nth(1).ok_or("which master?")?;
     let dir = PathBuf::from(".");
     let chapters = included(&dir, Path::new(&master))?;
-    let project = Project { dir, chapters, ..Project::default() };
+    let project = project::of(chapters, String::new());
     let files = project.expand().map_err(|_| "errors in chapters")?.files;
     let (path, tangled) =
         files.iter().max_by_key(|(_, t)| t.text.len()).ok_or("no file")?;

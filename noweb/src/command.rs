@@ -18,7 +18,7 @@ use std::time::Duration;
 use crate::diagnostic::shown;
 use crate::filter::read_web;
 use crate::web::Chunk;
-use crate::{Streams, map, markup, project, tangle, untangle};
+use crate::{Streams, map, markup, notangle, project, untangle};
 use crate::{finduses, markdown, new, noidx, noweave, rust_index};
 use crate::{split_scope, totex};
 
@@ -32,10 +32,10 @@ const COMMANDS: &[Command] = &[
     ("tangle", project::run, "write all files of a program", PROJECT),
     ("untangle", untangle::run, "carry edits back to chapters", PROJECT),
     ("map", map::run, "run a command, its positions translated", MAP),
-    ("notangle", tangle::run, "extract one chunk, expanded", NOTANGLE),
+    ("notangle", notangle::run, "extract one chunk, expanded", NOTANGLE),
     ("noroots", run_noroots, "list the chunks that none uses", MARKUP),
     ("markup", markup::run, "turn a web into a stream", MARKUP),
-    ("nt", tangle::run_nt, "extract a chunk from a stream", NOTANGLE),
+    ("nt", notangle::run_nt, "extract a chunk from a stream", NOTANGLE),
     ("noweave", noweave::run, "weave chapters into a document", NOWEAVE),
     ("finduses", finduses::run, "mark uses of identifiers", "[-noquote]"),
     ("rustindex", rust_index::run, "find items of Rust and uses", ""),

@@ -5,54 +5,58 @@
 //! What CommonMark says of a text: where its prose ends, which code it
 //! quotes, and what a summary lists.
 
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::ops::Range;
 
+use noweb_core::markup::{
+    begins_docs, defined_name, listed_identifiers, without_mark,
+};
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
 
-/// A text in Markdown and the prose that was read last; all places are
-/// offsets.
-pub struct Markdown {
-    text: String,
-    /// Where the prose ends: at a definition, or behind the text.
-    pub end: usize,
-    /// The code that it quotes with single backticks, from the last.
-    code: Vec<Range<usize>>,
-    /// The line of a block of this prose that nothing ends.
-    pub open: Option<u32>,
+use crate::diagnostic::{Complaint, Diagnostic, Level, Place};
+
+/// Whether a file of this name has prose in Markdown.
+pub fn is_markdown(name: &[u8]) -> bool {
+    name.ends_with(b".md")
 }
 
-impl Markdown {
-    /// Reads the first prose; `defines` knows a definition.
-    pub fn new(text: &[u8], defines: fn(&[u8]) -> bool) -> Self {
-        let text = in_ascii(text) + "\n<<>>=\n";
-        let mut read = Self { text, end: 0, code: Vec::new(), open: None };
-        read.read(0, defines);
-        read
-    }
+/// The prose of a text; places are offsets.
+#[derive(Default)]
+pub struct Prose {
+    /// The definitions that end it.
+    pub ends: BTreeSet<usize>,
+    /// The code that it quotes between two single signs, in order.
+    pub quotes: Vec<Range<usize>>,
+    /// The lines of blocks that nothing ends.
+    open: Vec<u32>,
+}
 
-    /// Reads the prose that begins at a place.
-    pub fn read(&mut self, from: usize, defines: fn(&[u8]) -> bool) {
-        let (mut start, mut end, mut open) = (from, from, None);
-        let mut inside = from;
-        for line in self.text[from..].split_inclusive('\n') {
-            if inside <= end && defines(line.as_bytes()) {
-                open = open_block(&self.text[start..], end - start);
-                let Some(block) = &open else { break };
-                (inside, start) = (start + block.end, start + block.start);
-            }
-            end += line.len();
-        }
-        let line = |_| self.text[..start].matches('\n').count() as u32 + 1;
-        self.open = open.map(line);
-        self.code = quoted_code(&self.text[..end], from);
-        self.end = end;
+impl Prose {
+    /// What is wrong with it in the file of this number.
+    pub fn complaints(&self, file: u32) -> Vec<Complaint> {
+        let open = self.open.iter().map(|&line| {
+            let text = "open block never closed";
+            let fault = Diagnostic::new(Level::Warning, None, text);
+            (Place { file, line, column: 1 }, fault)
+        });
+        open.collect()
     }
+}
 
-    /// The next code that begins before a place.
-    pub fn code_before(&mut self, end: usize) -> Option<Range<usize>> {
-        self.code.pop_if(|code| code.start < end)
+/// Finds the prose of a text with chunks.
+pub fn find_prose(text: &[u8]) -> Prose {
+    let mark = text.len() - without_mark(text).len();
+    let ascii = in_ascii(text) + "\n<<>>=\n";
+    let (mut prose, mut next) = (Prose::default(), Some(mark));
+    while let Some(start) = next {
+        let (end, open) = end_of_prose(&ascii, start);
+        prose.quotes.extend(quoted_code(&ascii[..end], start));
+        prose.open.extend(open);
+        prose.ends.insert(end);
+        next = end_of_code(text, end);
     }
+    prose
 }
 
 fn in_ascii(text: &[u8]) -> String {
@@ -60,6 +64,44 @@ fn in_ascii(text: &[u8]) -> String {
     let small = |b: &u8| char::from(ascii(b).to_ascii_lowercase());
     let text: String = text.iter().map(small).collect();
     text.replace("<![cdata[", "<![CDATA[")
+}
+
+/// Where the prose from a place on ends, and the line of a block of it that
+/// nothing ends.
+fn end_of_prose(text: &str, from: usize) -> (usize, Option<u32>) {
+    let (mut start, mut end, mut open) = (from, from, None);
+    let mut inside = from;
+    for line in text[from..].split_inclusive('\n') {
+        if inside <= end && defines(line.as_bytes()) {
+            open = open_block(&text[start..], end - start);
+            let Some(block) = &open else { break };
+            (inside, start) = (start + block.end, start + block.start);
+        }
+        end += line.len();
+    }
+    let line = |_| text[..start].matches('\n').count() as u32 + 1;
+    (end, open.map(line))
+}
+
+/// Where the prose begins behind some code, if any does.
+fn end_of_code(text: &[u8], from: usize) -> Option<usize> {
+    let (mut at, mut listed) = (from, false);
+    for line in text.get(from..)?.split_inclusive(|b| *b == b'\n') {
+        let body = line.strip_suffix(b"\n").unwrap_or(line);
+        let lists = listed_identifiers(body).is_some();
+        match body {
+            _ if lists || defines(body) => listed = lists,
+            _ if begins_docs(body) => return Some(at + body.len().min(2)),
+            _ if listed => return Some(at),
+            _ => {}
+        }
+        at += line.len();
+    }
+    None
+}
+
+fn defines(line: &[u8]) -> bool {
+    defined_name(line).is_some()
 }
 
 /// What is known of the block at a place, if it is shown as it is.
@@ -91,8 +133,7 @@ fn quoted_code(text: &str, from: usize) -> Vec<Range<usize>> {
         let simple = !code.starts_with("``") && !code.contains('\n');
         (simple && matches!(event, Event::Code(_))).then_some(range)
     });
-    let code: Vec<_> = code.collect();
-    code.into_iter().rev().collect()
+    code.collect()
 }
 
 /// What a summary lists, as mdBook reads it.

@@ -12,11 +12,11 @@ use std::io::{self, Write};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::process::{Command, Output, Stdio};
 
-use crate::Streams;
-use crate::diagnostic::{Faults, checked, error, failure, shown, status};
-use crate::markup::mark_files;
+use crate::diagnostic::{Faults, Source, checked, failure, shown};
+use crate::markup::{mark_files, mark_up, read_stream as read_tokens};
 use crate::stream::broken;
 use crate::web::Web;
+use crate::{Streams, error, status};
 
 #[derive(Clone, Debug)]
 pub struct Failure {
@@ -40,8 +40,7 @@ pub fn read_web(
     streams: &mut Streams,
 ) -> Result<Web, Failure> {
     if filters.is_empty() {
-        let (web, faults) = Web::read(streams.sources(files)?, tab);
-        return Ok(checked(web, faults)?);
+        return Ok(read_sources(streams.sources(files)?, tab)?);
     }
     let (stream, faults) = mark_files(files, tab, streams);
     let mut stream = checked(stream, faults)?;
@@ -49,6 +48,22 @@ pub fn read_web(
         stream = run_shell(filter, &stream, streams)?;
     }
     parse(&stream)
+}
+
+/// The web of some sources; `tab` is the distance of tab stops, or 0.
+pub fn read_sources(
+    sources: Vec<Source>,
+    tab: usize,
+) -> Result<Web, Faults> {
+    let (mut lexemes, mut faults) = (Vec::new(), Vec::new());
+    for (source, file) in sources.iter().zip(0..) {
+        let (more, wrong) = mark_up(source, file, tab);
+        lexemes.extend(more);
+        faults.extend(wrong);
+    }
+    let mut web = Web::from_lexemes(lexemes);
+    web.sources = sources;
+    checked(web, faults)
 }
 
 pub fn read_stream(streams: &mut Streams) -> Result<Web, Failure> {
@@ -59,7 +74,7 @@ fn parse(stream: &[u8]) -> Result<Web, Failure> {
     if broken(stream).is_some() {
         return Err(Vec::new().into());
     }
-    let (web, faults) = Web::read_stream(stream);
+    let (web, faults) = read_tokens(stream);
     let status = status(&faults);
     if status == 0 { Ok(web) } else { Err(Failure { faults, status }) }
 }

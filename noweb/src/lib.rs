@@ -1,47 +1,44 @@
-// Tangled from noweb/chapters/markup.nw; edit there.
+// Tangled from noweb/chapters/stream.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! A tool for literate programs that are written as noweb chunks.
 //!
-//! Every stage is a function over values, and also a filter over text:
-//! lines, then tokens ([`markup`]), then a web of chunks ([`web`]), then
-//! either tangled text with its position map ([`tangle`]) or an annotated
-//! stream that is woven. [`project`] writes the files of a program.
-//! [`locate`] and [`map`] lead from the program back to the chapters.
+//! Its core tangles them. Here are its commands, each of which is also a
+//! function: [`markup`] turns a web into a stream and back, [`notangle`]
+//! expands roots, [`project`] writes the files of a program. [`locate`] and
+//! [`map`] lead from the program back to the chapters, and the others weave.
 //! Text is bytes throughout, for the prose may be in any encoding.
+
+pub use noweb_core::{cpif, diagnostic, tangle, web};
 
 pub mod command;
 pub mod commonmark;
-pub mod cpif;
-pub mod diagnostic;
 pub mod filter;
+pub mod finduses;
 pub mod locate;
 pub mod map;
-pub mod markup;
-pub mod project;
-pub mod tangle;
-pub mod untangle;
-pub mod web;
-
-pub mod finduses;
 pub mod markdown;
+pub mod markup;
 pub mod new;
 pub mod noidx;
+pub mod notangle;
 pub mod noweave;
+pub mod project;
+pub mod reading;
 pub mod rust_index;
 pub mod rust_names;
 pub mod rust_uses;
 pub mod split_scope;
 pub mod stream;
 pub mod totex;
+pub mod untangle;
 
 use std::ffi::{OsStr, OsString};
 use std::io::{self, BufRead, Write};
 
 use diagnostic::{
-    Diagnostic, Faults, Level, Source, bytes_of, checked, error, shown,
-    status,
+    Diagnostic, Faults, Level, Source, bytes_of, checked, shown,
 };
 
 /// The three streams of a command.
@@ -113,4 +110,14 @@ impl Streams<'_> {
         let result = self.output.write_all(text.as_bytes());
         self.conclude(result, &[])
     }
+}
+
+/// One error that has no position.
+pub fn error(text: impl Into<String>) -> Faults {
+    vec![Diagnostic::new(Level::Error, None, text)]
+}
+
+/// The exit status that a list of diagnostics leads to.
+pub fn status(diagnostics: &[Diagnostic]) -> u8 {
+    diagnostics.iter().map(|d| d.level as u8).max().unwrap_or(0)
 }

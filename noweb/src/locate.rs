@@ -13,7 +13,7 @@ use std::fs;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use crate::diagnostic::{Position, Source};
+use crate::diagnostic::{Position, Source, bytes_of, text_of};
 use crate::project::{Project, hash};
 use crate::tangle::Tangled;
 use crate::web::Web;
@@ -92,10 +92,17 @@ impl Atlas {
         line: u32,
         column: u32,
     ) -> Option<Position> {
-        let column = file.source.byte_column(line, column);
+        let column = byte_column(&file.source, line, column);
         let place = file.tangled.origin(line, column)?;
         self.webs[file.web].position(place)
     }
+}
+
+/// The column in bytes of a column in characters, both from 1.
+fn byte_column(source: &Source, line: u32, column: u32) -> u32 {
+    let line = text_of(source.line(line).unwrap_or_default());
+    let before = line.chars().take(column.saturating_sub(1) as usize);
+    bytes_of(&before.collect::<String>()).len() as u32 + 1
 }
 
 /// Where the path begins that a text ends with, if it is an ordinary one.

@@ -20,7 +20,7 @@ use crate::diagnostic::{
     Diagnostic, Faults, Level, Position, bytes_of, shown, text_of,
 };
 use crate::locate::{Atlas, margin, path_start};
-use crate::project::{Project, included};
+use crate::project::{self, Project, included, word};
 
 #[derive(Default)]
 pub struct Filter {
@@ -101,8 +101,8 @@ impl Filter {
         if !file.fresh {
             let path = &text[start..];
             if self.stale.insert(path.to_vec()) {
-                let words = projects[file.project].words();
-                self.warnings.push(stale_file(path, &words));
+                let words = &projects[file.project].words;
+                self.warnings.push(stale_file(path, words));
             }
             return None;
         }
@@ -231,5 +231,5 @@ fn web_of(master: &OsString) -> Result<Project, String> {
     let chapters = included(Path::new(""), Path::new(master));
     let cannot = |e| format!("cannot read {}: {e}", shown(master));
     let chapters = chapters.map_err(cannot)?;
-    Ok(Project { chapters, ..Project::default() })
+    Ok(project::of(chapters, word(master)))
 }

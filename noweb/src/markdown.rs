@@ -15,16 +15,17 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::Streams;
+use crate::commonmark::is_markdown;
 use crate::diagnostic::{
-    Faults, Level, Source, bytes_of, checked, error, text_of,
+    Faults, Level, Source, bytes_of, checked, text_of,
 };
 use crate::finduses::{Recogniser, declared, mark_uses};
-use crate::markup::{Token, is_markdown, mark_up, write_stream};
+use crate::markup::{Token, mark_up, write_stream};
 use crate::noidx::cross_reference;
-use crate::project::conflicts;
+use crate::reading::conflicts;
 use crate::rust_index::index;
 use crate::stream::{Mark, lines};
+use crate::{Streams, error};
 
 /// What becomes of the pages.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use crate::Streams;
 use crate::diagnostic::{Faults, failure};
-use crate::project::{Project, included};
+use crate::project::{self, Project, included};
 use crate::rust_names::is_keyword;
 
 const COMMON: &[(&str, &str)] = &[
@@ -86,7 +86,8 @@ fn write(
     }
     let chapters = included(dir, master.as_ref()).map_err(fault)?;
     let record = "src/.tangled".into();
-    Project { dir: dir.to_owned(), record, chapters }.tangle()?;
+    let project = project::of(chapters, String::new());
+    Project { dir: dir.to_owned(), record, ..project }.tangle()?;
     Ok(())
 }
 

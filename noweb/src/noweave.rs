@@ -12,7 +12,8 @@ use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use crate::diagnostic::{Faults, bytes_of, error, shown};
+use crate::diagnostic::{Faults, bytes_of, shown};
+use crate::error;
 use crate::filter::{quoted, run_shell};
 use crate::markdown::Form;
 use crate::stream::Outcome;

@@ -25,7 +25,7 @@ use crate::markup::parse_token;
 use crate::rust_names::{File, Kind, Names, Token, is_keyword, tokens};
 use crate::rust_uses::uses;
 use crate::stream::{self, Mark, Outcome};
-use crate::tangle::{Layout, Segment, tangle};
+use crate::tangle::{Segment, tangle};
 use crate::web::Web;
 
 /// The text of a file, and the lines of the stream that it is made of.
@@ -38,7 +38,7 @@ struct Text {
 impl Text {
     /// The text of a root; none if it cannot be tangled.
     fn new(web: &Web, name: &[u8], lines: &[&[u8]]) -> Option<Self> {
-        let tangled = tangle(web, &[name], &Layout::default()).ok()?;
+        let tangled = tangle(web, web.find(name)?, false).ok()?;
         let text = Source::new(Vec::new(), tangled.text);
         let part = |segment: &Segment| {
             let line = segment.place.line as usize;

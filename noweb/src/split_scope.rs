@@ -15,7 +15,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use crate::Streams;
-use crate::cpif::copy_if;
+use crate::cpif::replace;
 use crate::diagnostic::{shown, text_of};
 use crate::stream::{self, Outcome};
 use crate::totex::{self, Memory, Options};
@@ -147,7 +147,7 @@ pub fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
     // Write each page that has changed
     for (name, tex) in pages {
         let path = dir.join(OsStr::from_bytes(name));
-        copy_if(&path, tex).map_err(|e| cannot(&path, e))?;
+        replace(&path, tex, None).map_err(|e| cannot(&path, e))?;
     }
     Ok(())
 }

@@ -10,14 +10,10 @@
 
 use std::collections::HashMap;
 
+pub use noweb_core::markup::lines;
+
 use crate::Streams;
 use crate::diagnostic::bytes_of;
-
-pub fn lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
-    stream
-        .split_inclusive(|&byte| byte == b'\n')
-        .map(|line| line.strip_suffix(b"\n").unwrap_or(line))
-}
 
 /// The lines of `stream`, without newlines and carriage returns.
 pub fn trimmed_lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {

@@ -17,21 +17,22 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use noweb_core::markup::begins_docs;
 use similar::{Algorithm, DiffTag, capture_diff_slices};
 
-use crate::Streams;
 use crate::cpif::replace;
 use crate::diagnostic::{
-    Diagnostic, Faults, Place, Source, bytes_of, checked, error, failure,
-    shown, text_of,
+    Diagnostic, Faults, Place, Source, bytes_of, checked, failure, shown,
+    text_of,
 };
-use crate::markup::begins_docs;
 use crate::project::{
-    Expansion, Project, conflicts, differs, edit_fault, expand_sources,
-    hash, parse, with_ends,
+    Expansion, Project, Read, differs, expand_sources, hash, parse,
+    with_ends,
 };
-use crate::tangle::{Layout, Segment, Tangled, tangle};
+use crate::reading::{conflicts, edit_fault};
+use crate::tangle::{Segment, Tangled, tangle};
 use crate::web::Web;
+use crate::{Streams, error};
 
 /// What stands in an old list, and what stands there in the new one.
 type Hunk = (Range<usize>, Range<usize>);
@@ -67,25 +68,23 @@ fn similar(a: &[u8], b: &[u8]) -> bool {
 /// What stands on the disk, for every edited file.
 type Edited = BTreeMap<PathBuf, Vec<u8>>;
 
-impl Project {
-    fn edited(&self, now: &Expansion) -> Result<Edited, Faults> {
-        let record = self.read_record(&self.record);
-        let (mut edited, mut faults) = (Edited::new(), Vec::new());
-        for (path, tangled) in &now.files {
-            let text = fs::read(self.dir.join(path)).unwrap_or_default();
-            let is_ours = record.contains(&(path.clone(), hash(&text)));
-            if is_ours || !differs(&text, &tangled.text) {
-                continue;
-            }
-            let text = with_ends(&text, tangled.text.ends_with(b"\r\n"));
-            faults.extend(conflicts(path, &text, &tangled.text));
-            if !record.contains(&(path.clone(), hash(&tangled.text))) {
-                faults.push(changed_twice(path, &tangled.text, &text));
-            }
-            edited.insert(path.clone(), text);
+fn edited(project: &Project, now: &Expansion) -> Result<Edited, Faults> {
+    let record = project.read_record(&project.record);
+    let (mut edited, mut faults) = (Edited::new(), Vec::new());
+    for (path, tangled) in &now.files {
+        let text = fs::read(project.dir.join(path)).unwrap_or_default();
+        let is_ours = record.contains(&(path.clone(), hash(&text)));
+        if is_ours || !differs(&text, &tangled.text) {
+            continue;
         }
-        checked(edited, faults)
+        let text = with_ends(&text, tangled.text.ends_with(b"\r\n"));
+        faults.extend(conflicts(path, &text, &tangled.text));
+        if !record.contains(&(path.clone(), hash(&tangled.text))) {
+            faults.push(changed_twice(path, &tangled.text, &text));
+        }
+        edited.insert(path.clone(), text);
     }
+    checked(edited, faults)
 }
 
 fn changed_twice(path: &Path, now: &[u8], disk: &[u8]) -> Diagnostic {
@@ -305,12 +304,12 @@ const AMBIGUOUS: &str = "this edit may belong to either of two places";
 /// A web that consists of one line of code.
 fn web_of(line: &[u8]) -> Web {
     let chapter = [b"<<*>>=\n", line, b"\n"].concat();
-    Web::read(vec![Source::new(Vec::new(), chapter)], 0).0
+    Web::read(vec![Source::new(Vec::new(), chapter)]).0
 }
 
 /// A line of a chunk that is tangled to this text.
 fn quote(text: &[u8]) -> Vec<u8> {
-    let tangled = tangle(&web_of(text), &[b"*"], &Layout::default());
+    let tangled = tangle(&web_of(text), 0, false);
     let same = tangled.is_ok_and(|t| t.text == [text, b"\n"].concat());
     if same { text.to_vec() } else { escape(text) }
 }
@@ -358,7 +357,11 @@ fn carry_all(
 }
 
 /// The chapters with all splices made.
-fn apply(sources: &[Source], mut splices: Vec<Splice>) -> Vec<Source> {
+fn apply(
+    sources: &[Source],
+    mut splices: Vec<Splice>,
+    read: Read,
+) -> Result<Vec<Source>, Faults> {
     splices.sort_by_key(|s| (s.file, s.range.start, s.range.end));
     splices.dedup();
     let mut texts: Vec<Vec<u8>> =
@@ -371,7 +374,7 @@ fn apply(sources: &[Source], mut splices: Vec<Splice>) -> Vec<Source> {
         }
     }
     let named = sources.iter().zip(texts);
-    named.map(|(s, text)| Source::new(s.name.clone(), text)).collect()
+    named.map(|(s, text)| read(s.name.clone(), text, b"")).collect()
 }
 
 /// Checks that every file is as edited, or as it was.
@@ -412,57 +415,58 @@ fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
     changes
 }
 
-impl Project {
-    /// Carries all edits of files back to the chapters; tells what changed.
-    ///
-    /// With `check` nothing is written.
-    pub fn untangle(&self, check: bool) -> Result<Vec<String>, Faults> {
-        let old = self.expand()?;
-        let record = self.read_record(&self.record);
-        self.removals(&old.files, &record)?;
-        // Look whether the files are here
-        let here = |(path, _): &(PathBuf, _)| self.dir.join(path).exists();
-        if !old.files.is_empty() && !old.files.iter().any(here) {
-            let first = shown(&old.files[0].0);
-            let text = "no file of the program is here, as";
-            return Err(error(format!("{text} {first}")));
-        }
-        let edited = self.edited(&old)?;
-        let splices = carry_all(&old, &edited)?;
-        let sources = apply(&old.web.sources, splices);
-        let new = expand_sources(sources)?;
-        prove(&old, &new, &edited)?;
-        // Write the chapters and tangle them
-        let [before, after] = [&old, &new].map(|e| &e.web.sources);
-        if !check && !edited.is_empty() {
-            self.write_chapters(before, after)?;
-            self.tangle()?;
-        }
-        Ok(changes(before, after))
+/// Carries all edits of files back to the chapters; tells what changed.
+///
+/// With `check` nothing is written.
+pub fn untangle(
+    project: &Project,
+    check: bool,
+) -> Result<Vec<String>, Faults> {
+    let old = project.expand()?;
+    let record = project.read_record(&project.record);
+    project.removals(&old.files, &record)?;
+    // Look whether the files are here
+    let here = |(path, _): &(PathBuf, _)| project.dir.join(path).exists();
+    if !old.files.is_empty() && !old.files.iter().any(here) {
+        let first = shown(&old.files[0].0);
+        let text = "no file of the program is here, as";
+        return Err(error(format!("{text} {first}")));
     }
+    let edited = edited(project, &old)?;
+    let splices = carry_all(&old, &edited)?;
+    let sources = apply(&old.web.sources, splices, project.read)?;
+    let new = expand_sources(sources)?;
+    prove(&old, &new, &edited)?;
+    // Write the chapters and tangle them
+    let [before, after] = [&old, &new].map(|e| &e.web.sources);
+    if !check && !edited.is_empty() {
+        write_chapters(project, before, after)?;
+        project.tangle()?;
+    }
+    Ok(changes(before, after))
+}
 
-    fn write_chapters(
-        &self,
-        old: &[Source],
-        new: &[Source],
-    ) -> Result<(), Faults> {
-        let texts = old.iter().zip(new).map(|(a, b)| (&a.text, &b.text));
-        let mut changed: Vec<_> = self.chapters.iter().zip(texts).collect();
-        changed.retain(|(_, (old, new))| old != new);
-        // Refuse to write read-only chapters
-        for (name, _) in &changed {
-            let state = fs::metadata(self.dir.join(name));
-            if state.is_ok_and(|state| state.permissions().readonly()) {
-                let error = io::ErrorKind::PermissionDenied.into();
-                return Err(failure("write", name, error));
-            }
+fn write_chapters(
+    project: &Project,
+    old: &[Source],
+    new: &[Source],
+) -> Result<(), Faults> {
+    let texts = old.iter().zip(new).map(|(a, b)| (&a.text, &b.text));
+    let mut changed: Vec<_> = project.chapters.iter().zip(texts).collect();
+    changed.retain(|(_, (old, new))| old != new);
+    // Refuse to write read-only chapters
+    for (name, _) in &changed {
+        let state = fs::metadata(project.dir.join(name));
+        if state.is_ok_and(|state| state.permissions().readonly()) {
+            let error = io::ErrorKind::PermissionDenied.into();
+            return Err(failure("write", name, error));
         }
-        for (name, (_, text)) in changed {
-            replace(&self.dir.join(name), text, None)
-                .map_err(|e| failure("write", name, e))?;
-        }
-        Ok(())
     }
+    for (name, (_, text)) in changed {
+        replace(&project.dir.join(name), text, None)
+            .map_err(|e| failure("write", name, e))?;
+    }
+    Ok(())
 }
 
 /// The command `noweb untangle [-C dir] [--record file] [--check]
@@ -472,7 +476,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Ok(parsed) => parsed,
         Err(text) => return streams.misused(text),
     };
-    let changes = match project.untangle(check) {
+    let changes = match untangle(&project, check) {
         Ok(changes) => changes,
         Err(faults) => return streams.fail(&faults),
     };

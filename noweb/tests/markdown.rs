@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use noweb::diagnostic::Source;
 use noweb::markdown::{Form, weave};
 use noweb::project::{expand_sources, included};
+use noweb::reading::read;
 
 const NOWEB: &str = env!("CARGO_BIN_EXE_noweb");
 
@@ -30,8 +31,8 @@ fn woven(chapters: &[Source]) -> Vec<String> {
 
 /// The files that a chapter in Markdown defines.
 fn tangled(text: &str) -> Vec<(PathBuf, String)> {
-    let chapters = vec![chapter("a.md", text)];
-    let files = expand_sources(chapters).unwrap().files.into_iter();
+    let read = read("a.md".into(), text.into(), b"").unwrap();
+    let files = expand_sources(vec![read]).unwrap().files.into_iter();
     let text = |text| String::from_utf8(text).unwrap();
     files.map(|(path, file)| (path, text(file.text))).collect()
 }
@@ -85,8 +86,7 @@ fn what_commonmark_shows_as_it_is_holds_no_chunk_and_hides_none() {
         assert_eq!(names_with(text), ["z.c"], "{text}");
     }
     for text in ["a\n\n<!-- b\n<<c.c>>=\n", "\r\n\n ~~~\n> ~~~\n"] {
-        let faults =
-            expand_sources(vec![chapter("a.md", text)]).unwrap_err();
+        let faults = read("a.md".into(), text.into(), b"").unwrap_err();
         let told = faults[0].to_string();
         assert!(
             told.starts_with("a.md:3:1: warning: open block"),

@@ -15,7 +15,8 @@ use std::path::Path;
 
 use exercise::{Random, exercise, mutate};
 use noweb::diagnostic::Source;
-use noweb::tangle::{Layout, Tangled, tangle};
+use noweb::filter::read_sources;
+use noweb::tangle::{Tangled, tangle};
 use noweb::web::Web;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -135,11 +136,11 @@ fn append(out: &mut [Line], text: &str) {
     }
 }
 
-fn tangle_source(text: &str, layout: &Layout) -> Tangled {
+fn tangle_source(text: &str, rust: bool) -> Tangled {
     let source = Source::new(b"a.nw".to_vec(), text.into());
-    let (web, faults) = Web::read(vec![source], 8);
-    assert!(faults.is_empty(), "{faults:?}");
-    tangle(&web, &[name(0).as_bytes()], layout).expect("a program")
+    let web = read_sources(vec![source], 8).expect("a web");
+    let root = web.find(name(0).as_bytes()).expect("a root");
+    tangle(&web, root, rust).expect("a program")
 }
 
 /// Text in which everything that means something is frequent.
@@ -189,7 +190,7 @@ proptest! {
     fn tangling_is_recursive_substitution(web in webs()) {
         let lines = model(&web, 0).into_iter().map(|line| line.text);
         let lines: Vec<String> = lines.collect();
-        let tangled = tangle_source(&source(&web), &Layout::default());
+        let tangled = tangle_source(&source(&web), false);
         let text = String::from_utf8_lossy(&tangled.text).into_owned();
         prop_assert_eq!(text, lines.join("\n") + "\n");
     }
@@ -197,7 +198,7 @@ proptest! {
     #[test]
     fn every_byte_maps_to_itself_in_the_web(web in webs()) {
         let source = source(&web);
-        let tangled = tangle_source(&source, &Layout::default());
+        let tangled = tangle_source(&source, false);
         let sources: Vec<&[u8]> =
             source.as_bytes().split(|b| *b == b'\n').collect();
         let text = tangled.text.split(|b| *b == b'\n').zip(1..);
@@ -214,16 +215,16 @@ proptest! {
     #[test]
     fn names_are_comments_and_change_nothing_else(web in webs()) {
         let source = source(&web);
-        let layout = Layout { rust: true, ..Layout::default() };
-        let named = tangle_source(&source, &layout).text;
+        let named = tangle_source(&source, true).text;
         let named = String::from_utf8(named).expect("UTF-8");
         prop_assert!(!named.contains("// "), "outside of functions");
         // The same within the body of a function
         let first = format!("<<{}>>", name(0));
         let source = format!("{source}<<r>>=\nfn f() {{\n  {first}\n}}\n");
-        let (web, _) = Web::read(vec![Source::new(vec![], source.into())], 8);
-        let plain = tangle(&web, &[b"r"], &Layout::default());
-        let named = tangle(&web, &[b"r"], &layout).expect("a program").text;
+        let (web, _) = Web::read(vec![Source::new(vec![], source.into())]);
+        let root = web.find(b"r").expect("a root");
+        let plain = tangle(&web, root, false);
+        let named = tangle(&web, root, true).expect("a program").text;
         let lines = named.split_inclusive(|b| *b == b'\n');
         let without: Vec<u8> = lines
             .filter(|line| !line.trim_ascii_start().starts_with(b"// "))

@@ -11,7 +11,7 @@
 use std::fs;
 
 use crate::common::{Outcome, Scratch, run, shell};
-use noweb::project::Project;
+use noweb::project::{self, Project};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::RngSeed;
@@ -820,7 +820,7 @@ fn round_trip(before: &str, after: &str) -> (Result<(), String>, String) {
     let project = Project {
         dir: scratch.path().to_owned(),
         record: ".tangled".into(),
-        chapters: vec!["a.nw".into()],
+        ..project::of(vec!["a.nw".into()], String::new())
     };
     scratch.write("a.nw", after);
     project.tangle().expect("the edited chapter");
@@ -829,7 +829,7 @@ fn round_trip(before: &str, after: &str) -> (Result<(), String>, String) {
     project.tangle().expect("the chapter");
     let record = scratch.read(".tangled");
     fs::write(&file, &wanted).expect("an edited file");
-    let result = project.untangle(false);
+    let result = noweb::untangle::untangle(&project, false);
     let left = fs::read(&file).expect("the file");
     let [left, wanted] = [left, wanted].map(String::from_utf8);
     assert_eq!(left, wanted, "{before}");

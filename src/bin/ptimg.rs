@@ -25,9 +25,8 @@ use litpt::compare::{
 use litpt::error::{Error, Result};
 use litpt::film::SIDE;
 use litpt::image::{BANDS, Format, Image, OPACITY, luminance};
-use litpt::options::{LICENCE, parse_words};
 use litpt::output::{OutputTarget, descriptor, format_of, refuse_aliases};
-use litpt::progress;
+use litpt::plan::{Outputs, Product};
 use litpt::report::Kind;
 use litpt::run_output::RunOutput;
 use litpt::state::shards::{self, is_state_name};

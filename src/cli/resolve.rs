@@ -208,31 +208,34 @@ impl Options {
     }
 
     /// The plan of a run that goes on: of what is typed, limits, outputs, the
-    /// threads and the instructions are taken.
+    /// threads and the instructions are taken; all else has to be as it was.
     fn resumed(&self, saved: &Plan) -> Result<Plan, Error> {
         let has = |names: &[&str]| {
             self.given.iter().any(|given| names.contains(&&given[..]))
         };
+        // Refuse what would change a sample
         let allowed = [LIMITS, FILES, OTHERS].concat();
         let not = |id: &&String| !allowed.contains(&&id[..]);
         if let Some(id) = self.given.iter().find(not) {
-            let name = match &id[..] {
-                "scene" => "FILE".to_owned(),
-                id => format!("--{}", id.replace('_', "-")),
-            };
-            return Err(usage(
-                format!(
-                    "{name} cannot be given with --resume: the run goes on as \
-                     it was begun"
-                ),
-                "pt",
-            ));
+            let typed = self.new_plan(false)?;
+            if let Some(what) = differing(&typed, saved) {
+                let name = format!("--{}", id.replace('_', "-"));
+                let fault = format!(
+                    "{name}: the run that is resumed has another {what}; only \
+                     limits, outputs, -j, -q and --isa may change"
+                );
+                return Err(usage(fault, "pt"));
+            }
         }
         let mut plan = saved.clone();
         if has(LIMITS) {
             self.limit(&mut plan);
         }
-        let Self { outputs, parts, execution, .. } = self;
+        let Self { scene, outputs, parts, execution, .. } = self;
+        if let Some(path) = scene.scene.as_ref().or(scene.input.as_ref()) {
+            plan.scene.clone_from(path);
+        }
+        plan.shortcuts &= !execution.no_shortcuts;
         plan.threads = execution.threads.or(plan.threads);
         plan.isa = execution.isa.unwrap_or_else(Isa::best);
         // Replace the files that are named anew
@@ -338,8 +341,26 @@ const FILES: &[&str] = &[
     "resume",
 ];
 
-/// Other options that a run may be resumed with.
-const OTHERS: &[&str] = &["threads", "isa", "quiet"];
+/// Other options that a run may be resumed with: where its scene is now, and
+/// how it is executed.
+const OTHERS: &[&str] =
+    &["scene", "input", "threads", "isa", "quiet", "no_shortcuts"];
+
+/// What two plans do not have in common of that by which samples differ.
+fn differing(typed: &Plan, saved: &Plan) -> Option<&'static str> {
+    use SensorPlan::Points;
+    let sensors = (&typed.sensor, &saved.sensor);
+    let has_points = matches!(sensors, (Points(_), Points(_)));
+    let pairs = [
+        ("sensor", has_points || sensors.0 == sensors.1),
+        ("up axis", typed.up == saved.up),
+        ("albedo", typed.surfaces == saved.surfaces),
+        ("sky", typed.sky == saved.sky),
+        ("method", typed.method == saved.method),
+        ("seed", typed.seed == saved.seed),
+    ];
+    pairs.into_iter().find(|(_, is_same)| !is_same).map(|(what, _)| what)
+}
 
 /// The PNG beside a scene.
 fn beside(scene: &Path) -> PathBuf {

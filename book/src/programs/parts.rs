@@ -353,7 +353,7 @@ pub fn run(arguments: &[String]) -> Done {
     let camera = plan.camera().ok_or("name a camera")?;
     let (mesh, view) = (
         read_obj(&fs::read(input)?)?,
-        camera.view(plan.up.unwrap_or(DVec3::Z)),
+        camera.view(plan.up.unwrap_or(glam::DVec3::Z)),
     );
     let (width, height) = camera.resolution;
     let aspect = f64::from(width) / f64::from(height);

@@ -8,10 +8,13 @@
 
 //! Every stage on any bytes: for the tests that nothing panics.
 
+use std::ffi::OsString;
+
 use noweb::Streams;
 use noweb::diagnostic::Source;
-use noweb::markup::{mark_up, write_stream};
-use noweb::tangle::{Layout, tangle};
+use noweb::filter::read_sources;
+use noweb::markup::{mark_up, read_stream, write_stream};
+use noweb::tangle::tangle;
 use noweb::web::Web;
 
 /// Feeds bytes to every stage, as a web and as a stream.
@@ -21,50 +24,47 @@ pub fn exercise(input: &[u8]) {
         let (lexemes, faults) = mark_up(&source, 0, tab);
         let stream = write_stream(&lexemes);
         faults.iter().for_each(|fault| drop(fault.to_string()));
-        expand_all(&Web::read(vec![source], tab).0);
-        expand_all(&Web::read_stream(&stream).0);
+        read_sources(vec![source], tab).iter().for_each(expand_all);
+        expand_all(&read_stream(&stream).0);
     }
-    expand_all(&Web::read_stream(input).0);
+    expand_all(&read_stream(input).0);
     run_all(input);
 }
 
 /// Expands every chunk that is not too much repeated, in every layout.
 fn expand_all(web: &Web) {
-    let directive = Some(b"#line %L \"%F\"%N".to_vec());
-    let layouts = [
-        Layout::default(),
-        Layout { tab: Some(8), rust: true, ..Layout::default() },
-        Layout { directive, rust: true, ..Layout::default() },
-    ];
     if web.chunks.iter().map(|chunk| chunk.pieces.len()).sum::<usize>()
         > 4000
     {
         return;
     }
-    for chunk in web.chunks.iter().take(20) {
-        for layout in &layouts {
-            match tangle(web, &[&chunk.name], layout) {
+    for chunk in 0..web.chunks.len().min(20) {
+        for rust in [false, true] {
+            match tangle(web, chunk, rust) {
                 Ok(tangled) => drop(tangled.origin(1, 1)),
                 Err(faults) => drop(faults[0].to_string()),
             }
         }
     }
-    let unused = web.unused(noweb::project::is_file_name);
+    let unused = noweb::project::unused(web);
     unused.into_iter().for_each(|w| drop(w.to_string()));
 }
 
 /// Gives bytes as standard input to the commands that are pure filters.
 fn run_all(input: &[u8]) {
-    let filters = ["markup", "nt", "notangle", "noroots"];
+    let tanglers = ["notangle -L", "notangle -t4", "notangle", "nt -L"];
+    let filters = ["markup -t", "markup", "nt", "noroots"];
     let weavers = ["finduses", "rustindex", "noidx", "totex"];
-    for name in filters.iter().chain(&weavers) {
+    for command in tanglers.iter().chain(&filters).chain(&weavers) {
+        let words: Vec<OsString> =
+            command.split(' ').map(OsString::from).collect();
         let (mut output, mut errors) = (Vec::new(), Vec::new());
         let mut streams = Streams {
             input: &mut &input[..],
             output: &mut output,
             errors: &mut errors,
         };
-        noweb::command::run(name.as_ref(), &[], &mut streams);
+        noweb::command::run(&words[0], &words[1..], &mut streams);
     }
 }
 

@@ -1,4 +1,4 @@
-// Tangled from noweb/chapters/tangle.nw; edit there.
+// Tangled from noweb/chapters/core.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
@@ -12,8 +12,8 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::time::SystemTime;
 
-/// Writes a file as a whole or not at all; `time` is that of its last
-/// change, if not now.
+/// Writes a file as a whole or not at all, unless it has this text; `time`
+/// is that of its last change, if not now.
 /// A device or a pipe is written to; a symbolic link is followed. An
 /// existing file keeps its permissions.
 pub fn replace(
@@ -21,6 +21,9 @@ pub fn replace(
     text: &[u8],
     time: Option<SystemTime>,
 ) -> io::Result<()> {
+    if fs::read(path).is_ok_and(|old| old == text) {
+        return Ok(());
+    }
     let target = fs::canonicalize(path).unwrap_or(path.to_owned());
     let old = fs::metadata(&target).ok();
     // Write directly to a device or pipe
@@ -44,12 +47,4 @@ pub fn replace(
         // The first error is the one to report.
         let _ = fs::remove_file(&temporary);
     })
-}
-
-/// Writes a file unless it has this text.
-pub fn copy_if(path: &Path, text: &[u8]) -> io::Result<()> {
-    match fs::read(path).is_ok_and(|old| old == text) {
-        true => Ok(()),
-        false => replace(path, text, None),
-    }
 }

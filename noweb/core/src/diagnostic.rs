@@ -1,4 +1,4 @@
-// Tangled from noweb/chapters/markup.nw; edit there.
+// Tangled from noweb/chapters/core.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
@@ -7,6 +7,7 @@
 //! Lines and columns count from 1. A [`Place`] counts columns in bytes,
 //! as the lexer does; a [`Position`] is for people and counts characters.
 
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fmt;
 use std::io;
@@ -53,6 +54,8 @@ pub struct Place {
 pub struct Source {
     pub name: Vec<u8>,
     pub text: Vec<u8>,
+    /// The offsets of its definitions, if they are not found by our rules.
+    pub definitions: Option<BTreeSet<usize>>,
     starts: Vec<usize>,
 }
 
@@ -62,7 +65,7 @@ impl Source {
         let after = |(i, b): (usize, &u8)| (*b == b'\n').then_some(i + 1);
         let starts = text.iter().enumerate().filter_map(after);
         let starts = std::iter::once(0).chain(starts).collect();
-        Self { name, text, starts }
+        Self { name, text, definitions: None, starts }
     }
 
     pub fn start(&self, number: u32) -> Option<usize> {
@@ -90,11 +93,13 @@ impl Source {
         }
     }
 
-    /// The column in bytes of a column in characters, both from 1.
-    pub fn byte_column(&self, line: u32, column: u32) -> u32 {
-        let line = text_of(self.line(line).unwrap_or_default());
-        let before = line.chars().take(column.saturating_sub(1) as usize);
-        bytes_of(&before.collect::<String>()).len() as u32 + 1
+    /// Gives complaints about this source their positions.
+    pub fn locate(&self, complaints: Vec<Complaint>) -> Faults {
+        let located = complaints.into_iter().map(|(place, mut fault)| {
+            fault.position = Some(self.position(place));
+            fault
+        });
+        located.collect()
     }
 }
 
@@ -147,34 +152,21 @@ impl Diagnostic {
     }
 }
 
-/// What to say of a file that could not be read, written or removed.
-pub fn failure(act: &str, path: impl AsRef<OsStr>, e: io::Error) -> Faults {
-    error(format!("cannot {act} {}: {e}", shown(path)))
-}
+/// A diagnostic that waits for its position, and the place of it.
+pub type Complaint = (Place, Diagnostic);
 
 /// What is wrong, in order.
 pub type Faults = Vec<Diagnostic>;
 
-/// One error that has no position.
-pub fn error(text: impl Into<String>) -> Faults {
+/// What to say of a file that could not be read, written or removed.
+pub fn failure(act: &str, path: impl AsRef<OsStr>, e: io::Error) -> Faults {
+    let text = format!("cannot {act} {}: {e}", shown(path));
     vec![Diagnostic::new(Level::Error, None, text)]
 }
 
 /// A value, if nothing is wrong.
 pub fn checked<T>(value: T, faults: Faults) -> Result<T, Faults> {
     if faults.is_empty() { Ok(value) } else { Err(faults) }
-}
-
-/// The exit status that a list of diagnostics leads to.
-pub fn status(diagnostics: &[Diagnostic]) -> u8 {
-    diagnostics.iter().map(|d| d.level as u8).max().unwrap_or(0)
-}
-
-impl fmt::Display for Position {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let file = if self.file.is_empty() { "-" } else { &self.file };
-        write!(f, "{file}:{}:{}", self.line, self.column)
-    }
 }
 
 impl fmt::Display for Diagnostic {
@@ -198,6 +190,13 @@ impl fmt::Display for Diagnostic {
             writeln!(f, "  help: {}", visible(help))?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for Position {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let file = if self.file.is_empty() { "-" } else { &self.file };
+        write!(f, "{file}:{}:{}", self.line, self.column)
     }
 }
 

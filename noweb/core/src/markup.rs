@@ -1,0 +1,344 @@
+// Tangled from noweb/chapters/core.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The lexer: from the lines of a web to tokens with places.
+
+use std::collections::BTreeSet;
+use std::mem::replace;
+
+use crate::diagnostic::{Complaint, Diagnostic, Level, Place, Source};
+
+/// What a chunk holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    #[default]
+    Docs,
+    Code,
+}
+
+/// One token of the stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Token {
+    File(Vec<u8>),
+    /// A chunk begins.
+    Begin(Kind),
+    End(Kind),
+    Text(Vec<u8>),
+    /// More of the same text, after an escape that the lexer took out.
+    More(Vec<u8>),
+    Newline,
+    /// The name that a code chunk defines.
+    Defn(Vec<u8>),
+    Use(Vec<u8>),
+    Quote,
+    EndQuote,
+    /// An identifier that the chunk defines.
+    Ident(Vec<u8>),
+    /// The end of a line of such identifiers.
+    EndIdents,
+}
+
+/// A token and where it begins.
+pub type Lexeme = (Token, Place);
+
+fn is_space(byte: &u8) -> bool {
+    byte.is_ascii_whitespace() || *byte == 0x0b
+}
+
+/// Whether a line ends a chunk of code.
+pub fn begins_docs(line: &[u8]) -> bool {
+    line.first() == Some(&b'@') && line.get(1).is_none_or(is_space)
+}
+
+/// The name that a line defines a chunk of.
+pub fn defined_name(line: &[u8]) -> Option<&[u8]> {
+    let name = line.strip_prefix(b"<<")?;
+    let end = find_unescaped_close(name)?;
+    let tail = name[end + 2..].strip_prefix(b"=")?;
+    tail.iter().all(is_space).then_some(&name[..end])
+}
+
+fn find_unescaped_close(name: &[u8]) -> Option<usize> {
+    let mut at = 0;
+    while at < name.len() {
+        match &name[at..] {
+            [b'@', b'>', b'>', ..] => at += 3,
+            [b'>', b'>', ..] => return Some(at),
+            _ => at += 1,
+        }
+    }
+    None
+}
+
+/// The identifiers that a line lists as defined by the chunk before it.
+pub fn listed_identifiers(line: &[u8]) -> Option<Vec<&[u8]>> {
+    let list = line.strip_prefix(b"@ %def ")?;
+    Some(list.split(is_space).filter(|i| !i.is_empty()).collect())
+}
+
+/// The length of the name that a use has, judged from the text after
+/// its opening; or else the length of what is only text.
+fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
+    let mut at = 0;
+    let close = |code: &[u8]| code.windows(2).position(|w| w == b"]]");
+    while at < text.len() {
+        match &text[at..] {
+            [b'[', b'[', code @ ..] => match close(code) {
+                Some(end) => at += 2 + end + count(&code[end..], b']'),
+                None => break,
+            },
+            [b']', b']', ..] if quoting => return Err(at),
+            [b'>', b'>', ..] => return Ok(at),
+            _ => at += 1,
+        }
+    }
+    Err(text.len())
+}
+
+fn count(text: &[u8], byte: u8) -> usize {
+    text.iter().take_while(|b| **b == byte).count()
+}
+
+/// The tokens of a source, and what is wrong with it.
+pub fn mark_up(
+    source: &Source,
+    file: u32,
+) -> (Vec<Lexeme>, Vec<Complaint>) {
+    let text = without_mark(&source.text);
+    let mut lexer = Lexer {
+        place: Place { file, line: 0, column: 1 },
+        start: source.text.len() - text.len(),
+        definitions: source.definitions.as_ref(),
+        ..Lexer::default()
+    };
+    lexer.emit(Token::File(source.name.clone()), 0);
+    lexer.emit(Token::Begin(Kind::Docs), 0);
+    let mut ended = true;
+    for line in text.split_inclusive(|b| *b == b'\n') {
+        lexer.line = line.strip_suffix(b"\n").unwrap_or(line);
+        ended = lexer.line.len() < line.len();
+        lexer.mark_line(ended);
+        lexer.start += line.len();
+    }
+    lexer.finish(ended);
+    (lexer.lexemes, lexer.faults)
+}
+
+/// A text behind its byte order mark.
+pub fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
+}
+
+#[derive(Default)]
+struct Lexer<'a> {
+    place: Place,
+    kind: Kind,
+    /// The line before has listed identifiers.
+    listed: bool,
+    definitions: Option<&'a BTreeSet<usize>>,
+    /// Where the quoted code began, if we are inside it.
+    quote: Option<Place>,
+    /// The line that is scanned, where it starts, and how far.
+    line: &'a [u8],
+    start: usize,
+    at: usize,
+    text_at: usize,
+    /// It continues a text that was emitted already.
+    glued: bool,
+    lexemes: Vec<Lexeme>,
+    faults: Vec<Complaint>,
+}
+
+/// The lines of a text, without their newlines.
+pub fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    text.split_inclusive(|&byte| byte == b'\n')
+        .map(|line| line.strip_suffix(b"\n").unwrap_or(line))
+}
+
+impl Lexer<'_> {
+    fn mark_line(&mut self, ended: bool) {
+        let line = self.line;
+        self.place.line += 1;
+        self.at = 0;
+        let foreign = self.is_foreign();
+        let defines = |all: &BTreeSet<usize>| all.contains(&self.start);
+        let defines = !foreign || self.definitions.is_some_and(defines);
+        if let Some(name) = defined_name(line).filter(|_| defines) {
+            self.begin(Kind::Code);
+            self.emit(Token::Defn(name.to_vec()), 2);
+            self.emit(Token::Newline, line.len());
+        } else if let Some(names) = listed_identifiers(line)
+            && !foreign
+        {
+            for name in names {
+                self.emit(Token::Ident(name.to_vec()), 0);
+            }
+            self.emit(Token::EndIdents, line.len());
+            self.listed = self.kind == Kind::Code;
+        } else {
+            // Begin prose if the line says so
+            let marked = !foreign && begins_docs(line);
+            if marked {
+                self.at = line.len().min(2);
+            }
+            if marked || self.listed {
+                self.begin(Kind::Docs);
+            }
+            self.scan(ended);
+        }
+    }
+
+    /// Whether we are in prose that does not follow our rules.
+    fn is_foreign(&self) -> bool {
+        self.kind == Kind::Docs && self.definitions.is_some()
+    }
+
+    fn begin(&mut self, kind: Kind) {
+        self.close_quote();
+        self.emit(Token::End(self.kind), 0);
+        self.kind = kind;
+        self.listed = false;
+        self.emit(Token::Begin(kind), 0);
+    }
+
+    fn finish(&mut self, ended: bool) {
+        self.close_quote();
+        if !ended {
+            self.emit(Token::Newline, self.line.len());
+        }
+        self.emit(Token::End(self.kind), 0);
+    }
+
+    fn close_quote(&mut self) {
+        if let Some(place) = self.quote.take() {
+            let text = "open quote `[[' never closed";
+            let fault = Diagnostic::new(Level::Warning, None, text);
+            self.faults.push((place, fault));
+        }
+    }
+
+    fn scan(&mut self, ended: bool) {
+        self.text_at = self.at;
+        if self.is_foreign() {
+            self.at = self.line.len();
+        } else if self.line[self.at..].starts_with(b"@@") {
+            self.escape(2);
+        }
+        while self.at < self.line.len() {
+            if self.kind == Kind::Code || self.quote.is_some() {
+                self.scan_code();
+            } else {
+                self.scan_docs();
+            }
+        }
+        self.end_text(ended);
+        if ended {
+            self.emit(Token::Newline, self.at);
+        }
+    }
+
+    fn scan_docs(&mut self) {
+        match &self.line[self.at..] {
+            [b'@', a, b, ..] if a == b && b"[]<>".contains(a) => {
+                self.escape(3);
+            }
+            [b'[', b'[', ..] => {
+                self.quote = Some(self.place_at(self.at));
+                self.pass(Token::Quote, 2);
+            }
+            [b'<', b'<', ..] => {
+                self.complain_of_brackets();
+                self.at += 2;
+            }
+            _ => self.at += 1,
+        }
+    }
+
+    fn complain_of_brackets(&mut self) {
+        // Help with the brackets in prose
+        let line = self.line;
+        let start = line.iter().take_while(|b| is_space(b)).count();
+        let indented =
+            start == self.at && defined_name(&line[start..]).is_some();
+        let help = if indented {
+            "a definition begins in the first column"
+        } else {
+            "write @<< for the brackets themselves, or quote code in [[ ]]"
+        };
+        let text = "unescaped << in documentation chunk";
+        let fault =
+            Diagnostic::new(Level::Error, None, text).with_help(help);
+        self.faults.push((self.place_at(self.at), fault));
+    }
+
+    fn scan_code(&mut self) {
+        let quoting = self.quote.is_some();
+        match &self.line[self.at..] {
+            [b'@', a, b, ..] if a == b && b"<>".contains(a) => {
+                self.escape(3);
+            }
+            rest @ [b']', b']', ..] if quoting => {
+                self.at += count(rest, b']') - 2;
+                self.pass(Token::EndQuote, 2);
+                self.quote = None;
+            }
+            [b'<', b'<', rest @ ..] => {
+                let end = use_end(rest, quoting);
+                self.scan_use(end);
+            }
+            _ => self.at += 1,
+        }
+    }
+
+    fn scan_use(&mut self, end: Result<usize, usize>) {
+        self.end_text(false);
+        match end {
+            Ok(length) => {
+                let name = &self.line[self.at + 2..][..length];
+                self.pass(Token::Use(name.to_vec()), length + 4);
+            }
+            Err(length) => self.at += length + 2,
+        }
+    }
+
+    fn place_at(&self, at: usize) -> Place {
+        Place { column: at as u32 + 1, ..self.place }
+    }
+
+    fn emit(&mut self, token: Token, at: usize) {
+        self.lexemes.push((token, self.place_at(at)));
+    }
+
+    /// Passes an escape of so many bytes, of which the first is dropped.
+    fn escape(&mut self, length: usize) {
+        self.flush();
+        self.text_at = self.at + 1;
+        self.at += length;
+    }
+
+    fn flush(&mut self) {
+        if self.text_at < self.at {
+            let text = self.line[self.text_at..self.at].to_vec();
+            let glued = replace(&mut self.glued, true);
+            let token = if glued { Token::More } else { Token::Text };
+            self.emit(token(text), self.text_at);
+        }
+        self.text_at = self.at;
+    }
+
+    fn end_text(&mut self, even_empty: bool) {
+        self.flush();
+        if even_empty && !self.glued {
+            self.emit(Token::Text(Vec::new()), self.at);
+        }
+        self.glued = false;
+    }
+
+    fn pass(&mut self, token: Token, length: usize) {
+        self.end_text(false);
+        self.emit(token, self.at);
+        self.at += length;
+        self.text_at = self.at;
+    }
+}

@@ -1,0 +1,127 @@
+// Tangled from noweb/chapters/core.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! A web: chunks of code with the places of everything in them.
+//!
+//! The definitions of a name are concatenated in the order of reading.
+//! The newline that ends the last of them is not part of the chunk.
+
+use std::collections::HashMap;
+
+use strsim::generic_levenshtein;
+
+use crate::diagnostic::{Faults, Place, Position, Source, text_of};
+use crate::markup::{Kind, Lexeme, Token, mark_up};
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Piece {
+    Text(Vec<u8>),
+    Newline,
+    Use(Vec<u8>),
+}
+
+#[derive(Clone, Debug, Default)]
+pub struct Chunk {
+    pub name: Vec<u8>,
+    /// Where each definition begins; never empty.
+    pub definitions: Vec<Place>,
+    /// The pieces of all definitions, with their places.
+    pub pieces: Vec<(Piece, Place)>,
+}
+
+/// The chunks of some sources.
+#[derive(Clone, Debug, Default)]
+pub struct Web {
+    /// The sources, in the order of reading.
+    pub sources: Vec<Source>,
+    /// The chunks, in the order of their first definitions.
+    pub chunks: Vec<Chunk>,
+    /// For every name that code uses, where it does so first.
+    pub uses: HashMap<Vec<u8>, Place>,
+    by_name: HashMap<Vec<u8>, usize>,
+}
+
+/// The name of a chunk in its brackets, for a message.
+pub fn quoted(name: &[u8]) -> String {
+    format!("<<{}>>", text_of(name))
+}
+
+impl Web {
+    /// Reads sources, and tells what is wrong with them.
+    pub fn read(sources: Vec<Source>) -> (Self, Faults) {
+        let (mut lexemes, mut faults) = (Vec::new(), Vec::new());
+        for (source, file) in sources.iter().zip(0..) {
+            let (more, complaints) = mark_up(source, file);
+            lexemes.extend(more);
+            faults.extend(source.locate(complaints));
+        }
+        (Self { sources, ..Self::from_lexemes(lexemes) }, faults)
+    }
+
+    /// Gathers tokens whose places may mean anything to the caller.
+    pub fn from_lexemes(lexemes: Vec<Lexeme>) -> Self {
+        let mut web = Self::default();
+        let (mut chunk, mut heading) = (None, false);
+        for (token, place) in lexemes {
+            match (token, chunk) {
+                (Token::Defn(name), _) => {
+                    chunk = Some(web.define(name, place));
+                    heading = true;
+                }
+                (Token::End(Kind::Code), _) => chunk = None,
+                (Token::Newline, Some(_)) if heading => heading = false,
+                (token, Some(chunk)) => web.add(chunk, token, place),
+                _ => (),
+            }
+        }
+        for chunk in &mut web.chunks {
+            chunk.pieces.pop_if(|(piece, _)| *piece == Piece::Newline);
+        }
+        web
+    }
+
+    fn define(&mut self, name: Vec<u8>, place: Place) -> usize {
+        let fresh = self.chunks.len();
+        let index = *self.by_name.entry(name.clone()).or_insert(fresh);
+        if index == fresh {
+            self.chunks.push(Chunk { name, ..Chunk::default() });
+        }
+        self.chunks[index].definitions.push(place);
+        index
+    }
+
+    fn add(&mut self, chunk: usize, token: Token, place: Place) {
+        let piece = match token {
+            Token::Text(text) | Token::More(text) => Piece::Text(text),
+            Token::Newline => Piece::Newline,
+            Token::Use(name) => {
+                self.uses.entry(name.clone()).or_insert(place);
+                Piece::Use(name)
+            }
+            _ => return,
+        };
+        self.chunks[chunk].pieces.push((piece, place));
+    }
+
+    pub fn find(&self, name: &[u8]) -> Option<usize> {
+        self.by_name.get(name).copied()
+    }
+
+    pub fn position(&self, place: Place) -> Option<Position> {
+        let source = self.sources.get(place.file as usize)?;
+        Some(source.position(place))
+    }
+
+    /// The chunk whose name is nearest to one that none has, if any is near.
+    pub fn nearest(&self, name: &[u8]) -> Option<&Chunk> {
+        let limit = name.len() / 3;
+        let long = |c: &&Chunk| c.name.len().abs_diff(name.len()) <= limit;
+        let close = self.chunks.iter().filter(long);
+        let name = name.to_vec();
+        let distance = |c: &Chunk| generic_levenshtein(&c.name, &name);
+        let near = close.map(|c| (distance(c), c));
+        let (distance, found) = near.min_by_key(|(d, _)| *d)?;
+        (0 < limit && distance <= limit).then_some(found)
+    }
+}
