@@ -12,6 +12,7 @@ pub mod display;
 
 use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
+use std::fmt;
 
 use statrs::function::beta::beta_reg;
 
@@ -66,7 +67,7 @@ impl Gap {
         let usual = usual * self.pixels as f64;
         let variance = match self.variance {
             0. if claims => 0.,
-            own => own.max(usual),
+            variance => variance.max(usual),
         };
         Gap { variance, ..*self }.z()
     }
@@ -101,8 +102,8 @@ fn gap(images: [&Image; 2], i: usize, tile: Option<u32>) -> Option<Gap> {
         gap.variance += variance;
         gap.fourth += variance * variance / (freedom / pixels);
     }
-    let known = gap.variance.is_finite() && difference.is_finite();
-    known.then_some(gap)
+    let is_known = gap.variance.is_finite() && difference.is_finite();
+    is_known.then_some(gap)
 }
 
 /// The blocks of one size that an image is cut into, row by row.
@@ -160,8 +161,8 @@ const TESTS: usize = SIDES.len() + 1;
 
 /// The probability to allow each of `tests`, so that one of them
 /// fails by chance with the probability `all` (Sidak 1967).
-fn sidak(all: f64, tests: usize) -> f64 {
-    -libm::expm1(libm::log1p(-all) / tests as f64)
+fn sidak(total: f64, tests: usize) -> f64 {
+    -libm::expm1(libm::log1p(-total) / tests as f64)
 }
 
 /// What the tests of blocks of one size found.
@@ -188,14 +189,14 @@ fn test(
     [blocks, around]: [&Blocks; 2],
     claims: bool,
 ) -> Scale {
-    let (own, others) = (blocks.sums(gaps), around.sums(gaps));
-    let tested = own.iter().filter(|block| block.pixels > 0).count();
+    let (sums, around_sums) = (blocks.sums(gaps), around.sums(gaps));
+    let tested = sums.iter().filter(|block| block.pixels > 0).count();
     let level = sidak(sidak(FALSE_ALARMS, TESTS), tested.max(1));
     let mut scale = Scale { tested, failed: 0, largest: (0., 0, 0) };
-    for (block, &(first, _)) in own.iter().zip(&blocks.blocks) {
+    for (block, &(first, _)) in sums.iter().zip(&blocks.blocks) {
         if block.pixels > 0 {
             // Judge a block by the larger of two errors
-            let others = &others[around.of[first] as usize];
+            let others = &around_sums[around.of[first] as usize];
             let z = block.z_among(others, claims);
             let failed = tail(z, block.freedom()) < level;
             scale.failed += usize::from(failed);
@@ -270,7 +271,7 @@ pub fn disagreements(
         return vec![];
     }
     let differ = |name: &&str| a.get(*name) != b.get(*name);
-    // Tell how an attribute differs
+    // Describe how an attribute differs
     let tell = |name: &str| {
         let [a, b] = [a, b].map(|of| match of.get(name) {
             Some(hash) if name == "scene_sha256" => {
@@ -309,10 +310,17 @@ pub struct Difference {
 }
 
 impl Difference {
+    /// What the tests that failed are called.
+    pub fn failed(&self) -> Vec<&'static str> {
+        let scales = NAMES.into_iter().zip(&self.scales);
+        let scales = scales.filter(|(_, scale)| scale.failed > 0);
+        let errors = self.dispersion.failed.then_some("errors");
+        scales.map(|(name, _)| name).chain(errors).collect()
+    }
+
     /// Whether nothing but chance distinguishes the images.
     pub fn consistent(&self) -> bool {
-        self.scales.iter().all(|scale| scale.failed == 0)
-            && !self.dispersion.failed
+        self.failed().is_empty()
     }
 }
 
@@ -340,7 +348,7 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference> {
     let parts: Vec<_> = pixels.clone().map(part).collect();
     let gaps: Vec<_> = pixels.map(|i| gap([a, b], i, None)).collect();
     let sum = film.sums(&parts)[0];
-    // Tell whether there is anything to test
+    // Require something to test
     let silent = a.errors.is_none() && b.errors.is_none();
     let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
     let identical = silent && a.means.iter().zip(&b.means).all(same);
@@ -365,7 +373,7 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference> {
     ];
     let independent = a.tile_errors.is_none() && b.tile_errors.is_none();
     let clusters = if independent { &pixel } else { &block };
-    let known = gaps.iter().flatten().count();
+    let with_error = gaps.iter().flatten().count();
     let (rmse, relative_mse) = distances(a, b);
     Ok(Difference {
         // Fill in the difference
@@ -373,8 +381,8 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference> {
         rmse,
         relative_mse,
         sum,
-        unknown: gaps.len() - known,
-        few: known - scales[0].tested,
+        unknown: gaps.len() - with_error,
+        few: with_error - scales[0].tested,
         scales,
         dispersion: dispersion(&gaps, &block, clusters),
         z: gaps.iter().map(|g| g.map_or(0., |g| g.z())).collect(),
@@ -394,3 +402,80 @@ fn distances(a: &Image, b: &Image) -> (f64, f64) {
     }
     (f64::sqrt(squares / n), relative / n)
 }
+
+impl fmt::Display for Difference {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        if self.identical {
+            return write!(
+                out,
+                "identical: all pixels have the same values"
+            );
+        }
+        let &Self { rmse, relative_mse, sum, unknown, few, .. } = self;
+        let (n, z) = (sum.pixels as f64, sum.z());
+        let (mean, error) = (sum.difference / n, sum.variance.sqrt() / n);
+        writeln!(
+            out,
+            "root mean square difference: {rmse:.6}\n\
+             relative mean square difference: {relative_mse:.6}\n\
+             mean difference: {mean:.6} ± {error:.6} (z = {z:.2})"
+        )?;
+        for (name, scale) in NAMES.into_iter().zip(&self.scales) {
+            writeln!(out, "{name}: {scale}")?;
+        }
+        // Write whether the errors are plausible
+        let Dispersion { ratio, z, failed, pixels } = self.dispersion;
+        if pixels > 0 {
+            let verdict = if failed { "beyond" } else { "no more than" };
+            writeln!(
+                out,
+                "errors: differences {ratio:.3} times as large (z = {z:.2}), \
+                 {verdict} chance"
+            )?;
+        }
+        // Write which pixels were left out
+        if unknown > 0 {
+            writeln!(out, "not tested: {unknown} pixels of unknown error")?;
+        }
+        if few > 0 {
+            writeln!(
+                out,
+                "not tested one by one: {few} pixels of fewer than {FEW} \
+                 independent samples"
+            )?;
+        }
+        // Write the verdict
+        match &self.failed().join(", ")[..] {
+            "" => write!(
+                out,
+                "consistent: chance alone may explain the difference"
+            ),
+            failed => write!(
+                out,
+                "inconsistent: chance alone does not explain the difference \
+                 (failed: {failed})"
+            ),
+        }
+    }
+}
+
+impl fmt::Display for Scale {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let &Self { tested, failed, largest: (z, x, y) } = self;
+        let z = z.abs();
+        match (tested, failed) {
+            (0, _) => write!(out, "not tested"),
+            (1, 0) => write!(out, "|z| {z:.2}, not beyond chance"),
+            (1, _) => write!(out, "|z| {z:.2}, beyond chance"),
+            _ => write!(
+                out,
+                "{tested} tested, largest |z| {z:.2} at {x},{y}, \
+                 {failed} beyond chance"
+            ),
+        }
+    }
+}
+
+/// What the tests of [`SIDES`] are called.
+const NAMES: [&str; 3] = ["pixels", "blocks of 16x16", "image"];
+const _: () = assert!(SIDE == 16);

@@ -12,7 +12,8 @@
 //! assert!(matches!(error, Error::Content(fault) if fault.line == Some(1)));
 //! ```
 
-use std::path::PathBuf;
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
 use std::{fmt, io};
 
 use serde::{Deserialize, Serialize};
@@ -30,9 +31,9 @@ pub struct Diagnostic {
 
 impl Diagnostic {
     /// The same, about this file unless it has one already.
-    pub fn of_file(mut self, file: impl ToString) -> Self {
+    pub fn of_file(mut self, file: impl AsRef<Path>) -> Self {
         if self.file.is_empty() {
-            self.file = file.to_string();
+            self.file = file.as_ref().display().to_string();
         }
         self
     }
@@ -84,21 +85,15 @@ pub enum Error {
 /// A value, or the reason why there is none.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-impl From<&str> for Error {
-    fn from(text: &str) -> Self {
-        Self::Content(text.into())
-    }
-}
-
-impl From<String> for Error {
-    fn from(text: String) -> Self {
-        Self::Content(text.into())
+impl<T: Into<Cow<'static, str>>> From<T> for Error {
+    fn from(text: T) -> Self {
+        Self::Content(Diagnostic::from(text.into()))
     }
 }
 
 impl Error {
     /// The same, about this file if it is of content that has no file yet.
-    pub fn of_file(self, file: impl ToString) -> Self {
+    pub fn of_file(self, file: impl AsRef<Path>) -> Self {
         match self {
             Self::Content(fault) => Self::Content(fault.of_file(file)),
             other => other,
@@ -108,9 +103,10 @@ impl Error {
     /// Turns what the system says into an error of an action on a file.
     pub fn cannot(
         action: &'static str,
-        file: impl ToString,
+        file: impl AsRef<Path>,
     ) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::File { file: file.to_string(), action, source }
+        let file = file.as_ref().display().to_string();
+        move |source| Self::File { file, action, source }
     }
 
     /// The error of an argument.

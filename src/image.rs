@@ -65,7 +65,7 @@ impl Format {
             Some(_) => Err(Error::from(
                 "unknown kind of image; name it .pgm, .png, .pfm or .exr",
             )
-            .of_file(path.display())),
+            .of_file(path)),
         }
     }
 }

@@ -63,7 +63,7 @@ pub fn libraries(
     let used: BTreeSet<_> = names(marks, MarkKind::Material).collect();
     let named = marks.iter().filter(|m| m.kind == MarkKind::Library);
     let files = named.flat_map(|mark| files(&mark.name, folder));
-    let (mut all, mut seen) = (Library::default(), BTreeSet::new());
+    let (mut library, mut seen) = (Library::default(), BTreeSet::new());
     for name in files.filter(|name| seen.insert(name.clone())) {
         // Read one library
         let shown = folder.join(quoted(&name)).display().to_string();
@@ -75,39 +75,40 @@ pub fn libraries(
         };
         bytes
             .map_err(Error::from)
-            .and_then(|bytes| read_mtl(&bytes, &shown, &used, &mut all))
+            .and_then(|bytes| read_mtl(&bytes, &shown, &used, &mut library))
             .map_err(|error| error.of_file(&shown))?;
     }
     // Warn of what the libraries say, or do not say
-    let mut warnings = all.warnings;
-    for (mut first, n) in all.ignored.into_values() {
+    let mut warnings = library.warnings;
+    for (mut first, n) in library.ignored.into_values() {
         first.text += &format!(": the first of {n} statements");
         warnings.push(first);
     }
-    let is_unknown = |name: &&&str| !all.diffuse.contains_key(**name);
+    let is_unknown = |name: &&&str| !library.diffuse.contains_key(**name);
     if let Some(name) = used.iter().find(is_unknown) {
-        let (name, n) = (quoted(name), used.len() - all.diffuse.len());
+        let (name, n) = (quoted(name), used.len() - library.diffuse.len());
         let what = format!(
             "no library has a Kd r g b of material {name}, which is given \
              the albedo of -r or --albedo: the first of {n} materials"
         );
         warnings.push(Diagnostic::from(what).of_file(scene));
     }
-    // Take one number of each material
+    // Reduce each material to one number
     let albedo = |[r, g, b]: [f64; 3]| match band {
         None => 0.2126 * r + 0.7152 * g + 0.0722 * b,
         Some(band) => [r, g, b][band as usize],
     };
-    let all = all.diffuse.into_iter();
-    let albedos = all.map(|(name, kd)| (name, albedo(kd)));
+    let diffuse = library.diffuse.into_iter();
+    let albedos = diffuse.map(|(name, kd)| (name, albedo(kd)));
     Ok((albedos.collect(), warnings))
 }
 
 /// The names of a kind, each once, in order; those without letters are none.
 pub fn names(marks: &[Mark], kind: MarkKind) -> impl Iterator<Item = &str> {
     let of_kind = marks.iter().filter(move |mark| mark.kind == kind);
-    let all: BTreeSet<&str> = of_kind.map(|mark| &mark.name[..]).collect();
-    all.into_iter().filter(|name| !name.is_empty())
+    let distinct: BTreeSet<&str> =
+        of_kind.map(|mark| &mark.name[..]).collect();
+    distinct.into_iter().filter(|name| !name.is_empty())
 }
 
 /// Which albedos a scene has, by name; what decides them beside its file.
@@ -154,10 +155,10 @@ impl FaceAlbedos {
             for ((name, given), used) in
                 named.named_albedos.iter().zip(&mut is_used)
             {
-                let mut all = [object, groups, material].into_iter();
+                let mut names = [object, groups, material].into_iter();
                 let is_group =
                     || groups.split_whitespace().any(|group| group == name);
-                if all.any(|other| other == name) || is_group() {
+                if names.any(|other| other == name) || is_group() {
                     (albedo, *used) = (*given, true);
                 }
             }
@@ -169,14 +170,14 @@ impl FaceAlbedos {
             let (name, albedo) = &named.named_albedos[unknown];
             let kinds =
                 [MarkKind::Material, MarkKind::Group, MarkKind::Object];
-            let known =
+            let there =
                 kinds.into_iter().flat_map(|kind| names(marks, kind));
-            let known: Vec<_> = known.take(8).map(quoted).collect();
+            let there: Vec<_> = there.take(8).map(quoted).collect();
             let name = quoted(name);
-            let known = known.join(", ");
+            let there = there.join(", ");
             return Err(format!(
                 "no material, group or object is called {name} (--albedo \
-                 {name}={albedo}); there are: {known}"
+                 {name}={albedo}); there are: {there}"
             )
             .into());
         }
@@ -215,12 +216,12 @@ impl AlbedoTable {
             return Ok(Self { numbers, albedos, mean: first });
         }
         let mut table = Self::default();
-        let (mut sum, mut all) = (0., 0.);
+        let (mut sum, mut area_sum) = (0., 0.);
         bvh.for_each(|slot, &[a, b, c]| {
             let albedo = faces.of(bvh.face(slot));
             // Number an albedo
-            let known = table.albedos.iter().rposition(|&a| a == albedo);
-            let number = known.unwrap_or_else(|| {
+            let found = table.albedos.iter().rposition(|&a| a == albedo);
+            let number = found.unwrap_or_else(|| {
                 table.albedos.push(albedo);
                 table.albedos.len() - 1
             });
@@ -228,12 +229,12 @@ impl AlbedoTable {
             table.numbers.resize(table.numbers.len().max(slot + 1), 0);
             table.numbers[slot] = number as u16;
             let area = (b - a).cross(c - a).length();
-            (sum, all) = (sum + albedo * area, all + area);
+            (sum, area_sum) = (sum + albedo * area, area_sum + area);
         });
         if table.albedos.len() > 1 + usize::from(u16::MAX) {
             return Err("more than 65536 different albedos".into());
         }
-        table.mean = sum / all;
+        table.mean = sum / area_sum;
         Ok(table)
     }
 }

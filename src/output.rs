@@ -73,15 +73,14 @@ pub fn descriptor(path: &Path) -> Option<RawFd> {
 /// A temporary file in the directory of `path`.
 fn temporary(path: &Path) -> Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    // Let the user's mask decide the mode
+    // Apply the user's mask to the mode
     builder.permissions(Permissions::from_mode(0o666));
-    let file = builder.prefix(".pt-").tempfile_in(directory(path));
-    file.map_err(|e| {
+    builder.prefix(".pt-").tempfile_in(directory(path)).map_err(|e| {
         let text = e.to_string();
         let cause = text.split(" at path").next().unwrap_or_default();
-        io::Error::new(e.kind(), cause)
+        let cause = io::Error::new(e.kind(), cause);
+        Error::cannot("create a file there", path)(cause)
     })
-    .map_err(Error::cannot("create a file there", path.display()))
 }
 
 /// The directory in which a file has its name.
@@ -123,7 +122,7 @@ fn finish(
 ) -> Result<NamedTempFile> {
     fill(content, file.as_file())
         .and_then(|file| file.sync_all())
-        .map_err(Error::cannot("write", path.display()))?;
+        .map_err(Error::cannot("write", path))?;
     Ok(file)
 }
 
@@ -138,7 +137,7 @@ fn fill<W: Write>(content: &mut Content, out: W) -> io::Result<W> {
 
 fn exists(path: &Path) -> Error {
     let what = "the file exists; overwrite it with -f";
-    Error::from(what).of_file(path.display())
+    Error::from(what).of_file(path)
 }
 
 /// Gives a complete file its name, or returns it with the reason why
@@ -163,7 +162,7 @@ fn name_file(
     }
     named.map(drop).map_err(|e| match e.error.kind() {
         ErrorKind::AlreadyExists => (e.file, exists(path)),
-        _ => (e.file, Error::cannot("write", path.display())(e.error)),
+        _ => (e.file, Error::cannot("write", path)(e.error)),
     })
 }
 
@@ -203,27 +202,25 @@ impl OutputTarget {
                 libc::O_WRONLY | libc::O_RDWR => {
                     Ok(Self(Kind::Open(number)))
                 }
-                _ => {
-                    let fault = Error::from("not open for writing");
-                    Err(fault.of_file(name(number)))
-                }
+                _ => Err(Error::from("not open for writing")
+                    .of_file(name(number))),
             };
         }
         // Refuse names that cannot be written
-        let name = path.display();
         match path.metadata() {
             Ok(there) if there.is_dir() => {
-                return Err(Error::from("is a directory").of_file(name));
+                return Err(Error::from("is a directory").of_file(path));
             }
             Ok(there) if there.is_file() && !force => {
                 return Err(exists(path));
             }
             Err(_) if path.is_symlink() => {
-                let fault = Error::from("dangling symbolic link");
-                return Err(fault.of_file(name));
+                return Err(
+                    Error::from("dangling symbolic link").of_file(path)
+                );
             }
             Err(e) if e.kind() != ErrorKind::NotFound => {
-                return Err(Error::cannot("write", name)(e));
+                return Err(Error::cannot("write", path)(e));
             }
             _ => (),
         }
@@ -260,8 +257,7 @@ impl OutputTarget {
             Kind::Device(path) => {
                 let device = OpenOptions::new().write(true).open(path);
                 let done = device.and_then(|device| fill(content, device));
-                done.map(drop)
-                    .map_err(Error::cannot("write", path.display()))
+                done.map(drop).map_err(Error::cannot("write", path))
             }
             Kind::File { path, force } => {
                 // Write a file and keep it in any case
@@ -338,8 +334,7 @@ pub fn refuse_aliases<'a>(
         if taken.contains(&place) {
             return Err(match descriptor(path) {
                 Some(1) => "standard output is named twice".into(),
-                _ => Error::from("this file is named twice")
-                    .of_file(path.display()),
+                _ => Error::from("this file is named twice").of_file(path),
             });
         }
         taken.push(place);

@@ -49,7 +49,7 @@ impl Kind {
             _ => Err(Error::from(
                 "unknown kind of report; name it .json, .csv or .html",
             )
-            .of_file(path.display())),
+            .of_file(path)),
         }
     }
 

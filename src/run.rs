@@ -329,14 +329,14 @@ fn learnt_before(
     let own = history.state.as_ref();
     let mut found = own.map(|s| s.known.learnt.clone()).unwrap_or_default();
     if let (Some(path), Some(cache)) = (&plan.cache, &history.cache) {
-        let (name, mut known) = (path.display(), cache.known.clone());
+        let mut known = cache.known.clone();
         known.run_key.part = key.part;
         let belongs = known.belongs_to(key);
-        belongs.map_err(|fault| fault.of_file(&name))?;
+        belongs.map_err(|fault| fault.of_file(path))?;
         found = known.learnt;
         if found.get().is_none() && key.sampling.method == Method::Gather {
             let fault = Error::from("holds nothing learnt");
-            return Err(fault.of_file(name));
+            return Err(fault.of_file(path));
         }
     }
     // Tell the other processes

@@ -180,9 +180,8 @@ impl<'a> RunOutput<'a> {
                     let shown = Image { more, ..shown() };
                     let cut = cut_out(shown, behind.unwrap_or(0.));
                     let stops = stops.unwrap_or(0.);
-                    let grey = tonemap(&cut, stops, Curve::Clamp);
                     Format::Png
-                        .write(&Image { more: cut.more, ..grey }, out)
+                        .write(&tonemap(&cut, stops, Curve::Clamp), out)
                 }
                 Product::Image(Format::Png)
                     if let Some(shown) = filtered =>

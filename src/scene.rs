@@ -118,8 +118,8 @@ impl Scene {
             *p = DVec3::select(tiny, DVec3::ZERO, placed);
         };
         triangles.vertices.par_iter_mut().for_each(place);
-        let all = (0..triangles.len()).into_par_iter();
-        let flat = all.map(|i| !has_area(triangles.get(i)));
+        let indices = (0..triangles.len()).into_par_iter();
+        let flat = indices.map(|i| !has_area(triangles.get(i)));
         let flat: Vec<bool> = flat.collect();
         let flat = triangles.leave_out(&flat);
         let copies = copies(&triangles);

@@ -78,7 +78,7 @@ impl Sensor {
         };
         let rays = array::from_fn(|i| entrance.enter(look(i)?));
         let mut hits = intersector.first_hits(&rays);
-        // Have rays that miss the scene meet the ground
+        // Intersect the ground with rays that miss the scene
         for i in 0..BEAM {
             if let (Some(direction), None) = (look(i), &rays[i]) {
                 hits[i] = ground_below(intersector, entrance, direction);
@@ -132,7 +132,7 @@ fn ground_below(
 pub struct Receivers {
     /// The number of each that may have a value, in the order of the film.
     pub numbers: Vec<u32>,
-    all: Vec<Receiver>,
+    receivers: Vec<Receiver>,
     /// The triangles of faces, without those that have no area; each with
     /// twice the area of the face up to its end.
     parts: Vec<(Triangle, f64)>,
@@ -172,10 +172,10 @@ impl Receivers {
     /// below 2^32, choose, as a hit on no triangle.
     #[inline]
     pub fn hit(&self, i: usize, u: [u32; 2]) -> Hit {
-        let (parts, is_back) = match &self.all[i] {
+        let (parts, is_back) = match &self.receivers[i] {
             Receiver::Point(hit) => return *hit,
-            Receiver::Face(own, is_back) => {
-                (&self.parts[own.clone()], is_back)
+            Receiver::Face(range, is_back) => {
+                (&self.parts[range.clone()], is_back)
             }
         };
         let [u, v] = u.map(to_unit);
@@ -197,28 +197,28 @@ impl Receivers {
 
     /// Points of a file.
     pub fn points(points: &[Point], frame: &Frame) -> Self {
-        let all = points.par_iter().map(|&(place, normal, _)| {
+        let receivers = points.par_iter().map(|&(place, normal, _)| {
             let place =
                 frame.entrance(place).place().ok_or("too far away")?;
             point(place, normalise(normal).normalize_or_zero())
         });
-        Self::partition_valid(all.collect(), vec![])
+        Self::partition_valid(receivers.collect(), vec![])
     }
 
     /// Those that may have a value, and the others.
     fn partition_valid(
-        all: Vec<Result<Receiver, &'static str>>,
+        receivers: Vec<Result<Receiver, &'static str>>,
         parts: Vec<(Triangle, f64)>,
     ) -> Self {
-        let (mut sound, mut odd, asked) = (vec![], vec![], all.len());
-        for (number, one) in (0..).zip(all) {
+        let (mut sound, mut odd, asked) = (vec![], vec![], receivers.len());
+        for (number, one) in (0..).zip(receivers) {
             match one {
                 Ok(one) => sound.push((number, one)),
                 Err(why) => odd.push(((false, why), number)),
             }
         }
-        let (numbers, all) = sound.into_iter().unzip();
-        Self { numbers, all, parts, odd, asked }
+        let (numbers, receivers) = sound.into_iter().unzip();
+        Self { numbers, receivers, parts, odd, asked }
     }
 
     /// A point of each.
@@ -234,23 +234,23 @@ impl Receivers {
         around: Around,
         key: impl Fn(&Hit) -> u64 + Sync,
     ) {
-        let all = (0..self.count()).into_par_iter().map(|i| {
+        let list = (0..self.count()).into_par_iter().map(|i| {
             let hit = self.hit(i, [1 << 31; 2]);
-            let is_point = matches!(self.all[i], Receiver::Point(_));
+            let is_point = matches!(self.receivers[i], Receiver::Point(_));
             let odd = is_point.then(|| oddity(around, &hit)).flatten();
             (key(&hit), i, odd)
         });
-        let mut all: Vec<_> = all.collect();
-        all.par_sort_unstable();
+        let mut list: Vec<_> = list.collect();
+        list.par_sort_unstable();
         // Set odd receivers aside
         let odd =
             |&(_, i, odd): &(_, usize, _)| Some((odd?, self.numbers[i]));
-        self.odd.extend(all.iter().filter_map(odd));
+        self.odd.extend(list.iter().filter_map(odd));
         self.odd.sort_unstable();
-        all.retain(|(.., odd)| odd.is_none_or(|(has_value, _)| has_value));
-        let order = all.iter().map(|&(_, i, _)| i);
+        list.retain(|(.., odd)| odd.is_none_or(|(has_value, _)| has_value));
+        let order = list.iter().map(|&(_, i, _)| i);
         self.numbers = order.clone().map(|i| self.numbers[i]).collect();
-        self.all = order.map(|i| self.all[i].clone()).collect();
+        self.receivers = order.map(|i| self.receivers[i].clone()).collect();
     }
 }
 
@@ -415,10 +415,11 @@ impl Receivers {
                 normals[corner as usize] += normal * angle;
             }
         }
-        let all = places.iter().zip(normals);
-        let all =
-            all.map(|(&p, normal)| point(p, normal.normalize_or_zero()));
-        Self::partition_valid(all.collect(), vec![])
+        let normals = normals.into_iter().map(DVec3::normalize_or_zero);
+        let receivers = places.iter().zip(normals);
+        let receivers =
+            receivers.map(|(&place, normal)| point(place, normal));
+        Self::partition_valid(receivers.collect(), vec![])
     }
 
     /// The faces with these triangles, given the face of each, on these sides;
@@ -428,9 +429,9 @@ impl Receivers {
         faces: &[u32],
         backs: &[bool],
     ) -> Self {
-        let (mut all, mut parts) = (vec![], vec![]);
+        let (mut receivers, mut parts) = (vec![], vec![]);
         for face in faces.chunk_by(|a, b| a == b) {
-            // Take the triangles of a face
+            // Sum the triangles of a face
             let (start, mut cumulative_area) = (parts.len(), 0.);
             for [a, b, c] in triangles.by_ref().take(face.len()) {
                 let area = cross(b - a, c - a).length();
@@ -439,13 +440,14 @@ impl Receivers {
                     parts.push(([a, b, c], cumulative_area));
                 }
             }
-            let own = start..parts.len();
-            let own = Some(own).filter(|own| !own.is_empty());
-            let own = own.ok_or("without area");
-            let side = |&is_back| Ok(Receiver::Face(own.clone()?, is_back));
-            all.extend(backs.iter().map(side));
+            let range = start..parts.len();
+            let range = Some(range).filter(|range| !range.is_empty());
+            let range = range.ok_or("without area");
+            let side =
+                |&is_back| Ok(Receiver::Face(range.clone()?, is_back));
+            receivers.extend(backs.iter().map(side));
         }
-        Self::partition_valid(all, parts)
+        Self::partition_valid(receivers, parts)
     }
 }
 

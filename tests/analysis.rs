@@ -188,25 +188,36 @@ fn tiles_see_what_is_in_view_in_extreme_fields_of_view() {
 
 // ---- the program
 
-/// The summary and the image of a run in the box.
-fn in_the_box(arguments: &str) -> (String, Vec<u8>) {
-    let place = Scratch::new();
-    place.put("box.obj", BOX);
-    let all = "-ibox.obj -r0.9 -d8x6 -n4 --format=pfm";
-    let run = place.done(&format!("{all} {arguments}"));
-    (run.stderr, run.stdout)
-}
-
+/// The summary, the report and the page tell what was left out; triangles that
+/// are not in the scene count, as they are in the file. A run without a bound
+/// of its samples would otherwise go on until its time is over.
 #[test]
-fn a_closed_box_is_dark_without_a_ray_and_the_summary_says_why() {
-    let (said, film) = in_the_box("");
+fn a_closed_box_is_dark_without_a_ray_and_without_a_word_too_few() {
+    let place = Scratch::new();
+    place.put("box.obj", format!("{BOX}f 1 2 3\nf 1 1 2\n"));
+    let box_by = |words: &str| {
+        let all = "-ibox.obj -r0.9 -d8x6 -n4 -oa.pfm -f";
+        let said = place.done(&format!("{all} {words}")).stderr;
+        (said, place.get("a.pfm"))
+    };
+    let (said, film) = box_by("--report=a.json --report=a.html");
     let why = "left out  dark: closed around the camera";
-    assert!(said.contains(why), "{said}");
+    assert!(
+        said.contains("left out  flat: ") && said.contains(why),
+        "{said}"
+    );
     assert!(said.contains(" s, 0 rays,"), "{said}");
-    let (said, kept) = in_the_box("--keep-all");
+    let json = place.json("a.json");
+    let facts = [0, 1, 2].map(|i| json["left_out"][i]["fact"].as_str());
+    assert_eq!(facts, ["flat", "copies", "dark"].map(Some));
+    assert_eq!(json["scene"]["triangles"], 14);
+    assert!(place.text("a.html").contains("<th>left out</th>"));
+    let (said, kept) = box_by("--keep-all");
     assert!(!said.contains("dark:"), "{said}");
     assert!(!said.contains(" s, 0 rays,"), "{said}");
     assert_eq!(kept, film);
+    let said = place.done("-ibox.obj --time 60 -oa.pgm").stderr;
+    assert!(said.contains("2 spp"), "{said}");
 }
 
 /// The line that explains one shortcut: whether it is taken and why.
@@ -214,27 +225,6 @@ fn explained(place: &Scratch, name: &str, more: &str) -> String {
     let said = place.done(&format!("--explain {more}")).text();
     let mut lines = said.lines().map(str::to_owned);
     lines.find(|line| line.starts_with(name)).expect(name)
-}
-
-/// The rays of the tiles that an explanation counts are not traced.
-#[test]
-fn an_explanation_counts_what_is_saved_as_a_render_does() {
-    let place = Scratch::new();
-    let two = "v 3 9 3\nv 4 9 3\nv 3 9 4\nv -9 -9 -9\nf 1 2 3\n\
-               v -8 -9 -9\nv -9 -8 -9\nf 4 5 6\n";
-    place.put("two.obj", two);
-    let rays = |view: &str| {
-        let files = "-n3 -qf -oa.pgm --report=a.json";
-        place.done(&format!("{view} {files}"));
-        place.json("a.json")["rays"].as_u64().unwrap()
-    };
-    // All rays of a camera in the midst of the scene are traced.
-    let view = "-itwo.obj -p0,0,0 -t1,1,0.5 -d96x64 -r0.5";
-    let saved = rays(&format!("{view} --keep-all")) - rays(view);
-    let line = explained(&place, "background", view);
-    let tiles = line.split_whitespace().nth(3).unwrap();
-    assert!(line.contains(" of 24 tiles of the image"), "{line}");
-    assert_eq!(saved, 3 * 256 * tiles.parse::<u64>().unwrap());
 }
 
 #[test]
@@ -259,30 +249,22 @@ fn an_explanation_says_what_is_left_out_and_why() {
     let none = explained(&place, "intersector", "-ibox.obj -oimage.png");
     assert_eq!(none, "intersector  none: no ray");
     place.holds_only(&["box.obj"]);
-}
-
-/// Triangles that were left out of the scene count, as they are in the file.
-#[test]
-fn a_report_tells_what_was_left_out() {
-    let place = Scratch::new();
-    place.put("box.obj", format!("{BOX}f 1 2 3\nf 1 1 2\n"));
-    let files = "--report=a.json --report=a.html -oa.pgm -q";
-    place.done(&format!("-ibox.obj {files}"));
-    let json = place.json("a.json");
-    let facts = [0, 1, 2].map(|i| json["left_out"][i]["fact"].as_str());
-    assert_eq!(facts, ["flat", "copies", "dark"].map(Some));
-    assert_eq!(json["scene"]["triangles"], 14);
-    assert!(place.text("a.html").contains("<th>left out</th>"));
-}
-
-/// A run without a bound of its samples would otherwise go on until
-/// its time is over.
-#[test]
-fn an_image_that_is_known_takes_no_time() {
-    let place = Scratch::new();
-    place.put("box.obj", BOX);
-    let said = place.done("-ibox.obj --time 60 -oa.pgm").stderr;
-    assert!(said.contains("2 spp"), "{said}");
+    // The rays of the tiles that it counts are not traced, but for those of a
+    // camera in the midst of the scene, which all are.
+    let two = "v 3 9 3\nv 4 9 3\nv 3 9 4\nv -9 -9 -9\nf 1 2 3\n\
+               v -8 -9 -9\nv -9 -8 -9\nf 4 5 6\n";
+    place.put("two.obj", two);
+    let rays = |view: &str| {
+        let files = "-n3 -qf -oa.pgm --report=a.json";
+        place.done(&format!("{view} {files}"));
+        place.json("a.json")["rays"].as_u64().unwrap()
+    };
+    let view = "-itwo.obj -p0,0,0 -t1,1,0.5 -d96x64 -r0.5";
+    let saved = rays(&format!("{view} --keep-all")) - rays(view);
+    let line = explained(&place, "background", view);
+    let tiles = line.split_whitespace().nth(3).unwrap();
+    assert!(line.contains(" of 24 tiles of the image"), "{line}");
+    assert_eq!(saved, 3 * 256 * tiles.parse::<u64>().unwrap());
 }
 
 /// What is looked for is no part of what a sample is: the first samples of a
@@ -310,15 +292,13 @@ fn what_is_left_out_decides_nothing_about_a_sample() {
 // A path in a black scene ends at its first surface.
 #[test]
 fn black_surfaces_take_one_ray_for_each_path() {
-    let scene = "-iroom.obj -r0 -n64 -d48x36 -p-.9,-.8,0 -q";
-    let place = Scratch::new();
-    let run = |method: &str| {
-        place.done(&format!("{scene} -f -oa.exr --integrator={method}"));
-        let rays = &place.image("a.exr").attributes["rays"];
-        rays.parse::<u64>().unwrap()
-    };
-    for method in ["reference", "sobol"] {
-        assert!(run(method) <= 64 * 48 * 36, "{method}");
+    let setting = Setting { rho: 0., ..named("room with a window") };
+    for method in [Method::Reference, Method::Sobol] {
+        let pixels = Pixels::of_image(SMALL);
+        let sampling = Sampling::new(method, 1, Some(64), pixels);
+        let paths = 64 * u64::from(SMALL.0 * SMALL.1);
+        let black = setting.render_with(&[], SMALL, 64, &sampling, |_| ());
+        assert!(black.rays <= paths, "{method}");
     }
 }
 

@@ -5,10 +5,11 @@
 
 use crate::prelude::*;
 
+use litpt::cli::options::{Error, Options};
+use litpt::sensor::read_points;
+
 /// A triangle that fills a part of the image.
 const TRIANGLE: &str = "v -9 -9 0\nv 9 -8 0\nv -1 7 0\n";
-
-const SMALL: &str = "-d8x6 -n3 -r0.5";
 
 /// The OBJ `bytes` is refused in one line with these words.
 #[track_caller]
@@ -68,27 +69,13 @@ fn a_fault_touches_no_output() {
     place.holds_only(&["old.pgm", "scene.obj"]);
     let run = place.feed(b"v 0 0 0\nf 1 1 2\n", "-oimage.pgm");
     run.failed(1, &["standard input:2:", "2"]);
-    place.feed(b"", "").failed(1, &["standard input: ", "empty"]);
-}
-
-#[test]
-fn a_warning_is_printed_once_unless_the_program_is_quiet() {
-    let place = Scratch::new();
-    place.put("odd.obj", with("l 1 2\nF 1 2\n"));
-    let said = place.done(&format!("-iodd.obj {SMALL}")).stderr;
-    assert_eq!(said.matches("warning").count(), 1, "{said}");
-    assert!(said.contains("odd.obj:4: l, the first of 2"));
-    assert_eq!(place.line(&format!("-iodd.obj {SMALL} -q")).stderr, "");
-}
-
-#[test]
-fn a_file_that_cannot_be_read_is_named() {
-    let place = Scratch::new();
     for (file, word) in [("none.obj", "No such"), ("/", "directory")] {
         let run = place.line(&format!("-i {file} -oimage.pgm"));
         run.failed(1, &[&format!("{file}: cannot read"), word]);
     }
-    place.holds_only(&[]);
+    place.holds_only(&["old.pgm", "scene.obj"]);
+    let words = ["standard input: empty; name a scene"];
+    place.feed(b"", "").failed(1, &words);
 }
 
 #[test]
@@ -110,14 +97,6 @@ fn too_little_memory_is_told_in_one_line() {
             format!("too little memory: {needed} GB more are needed");
         run.failed(1, &[&fault]);
     }
-}
-
-#[test]
-fn what_comes_late_through_a_pipe_is_read() {
-    let place = Scratch::new();
-    let text = "# a word\n".repeat(1 << 21) + ROOM;
-    let fed = place.feed(text.as_bytes(), "-d9x7").succeeded();
-    assert!(fed.stdout == place.render("-d9x7"));
 }
 
 // ---------------------------------------------------------------- Faults
@@ -306,6 +285,27 @@ fn a_comment_begins_where_a_word_begins() {
     refused(format!("{TRIANGLE}f 1 2 3#4"), &[":4: ", "3#4"]);
 }
 
+/// A file of another kind is named.
+#[test]
+fn a_format_that_is_no_obj_is_told() {
+    let mut binary = vec![b'x'; 84 + 2 * 50];
+    binary[80..84].copy_from_slice(&2u32.to_le_bytes());
+    let collada = "\u{feff}\r\n <?XML version=\"1.0\"?>\n<COLLADA/>\n";
+    for (bytes, words) in [
+        (&b"ply\nformat ascii 1.0\n"[..], "PLY, not Wavefront OBJ"),
+        (b"solid cube\n facet normal 0 0 1\n", "STL"),
+        (&binary, "STL"),
+        (b"{ \"asset\": {} }", "glTF"),
+        (b"<?xml version=\"1.0\"?>\n<COLLADA/>\n", "COLLADA"),
+        (collada.as_bytes(), "COLLADA or other XML"),
+    ] {
+        refused(bytes, &[&format!(": the format is {words}")]);
+    }
+    refused("Dear all,\nplease find attached\n", &["a Wavefront OBJ?"]);
+    let solid = format!("solid #VRML by foo\n{SQUARE}");
+    assert!(read_file(solid.as_bytes()).is_ok());
+}
+
 #[test]
 fn at_most_80_characters_are_quoted() {
     let long = "\u{1b}\u{fc}".repeat(40) + &"9".repeat(400);
@@ -315,6 +315,29 @@ fn at_most_80_characters_are_quoted() {
             told.map_or_else(String::from, |(_, w)| w[0].to_string());
         assert!(told.contains("..."), "{told}");
         assert!(told.chars().count() < 140, "{told}");
+    }
+    // So it is with vertices, names, points and words.
+    let blanks = "a b ".repeat(999);
+    let text =
+        format!("g {blanks}\n{SQUARE}v 1e999 0 0 #{long}\nf 1 2 5\n");
+    let (whole, _) = text.split_once("v 1e999").unwrap();
+    let marks = read_obj(whole.as_bytes()).unwrap().marks;
+    let named_albedos = vec![(long.clone(), 0.5)];
+    let named = Named { named_albedos, ..Named::default() };
+    let words = ["pt", "--spp", &long].map(String::from);
+    let Err(Error::Usage(usage)) = Options::parse(words) else {
+        panic!("{long} samples");
+    };
+    for told in [
+        read_file(text.as_bytes()).unwrap_err().to_string(),
+        FaceAlbedos::new(&marks, &named, 0.5).unwrap_err().to_string(),
+        read_points(blanks.as_bytes(), &mut vec![])
+            .unwrap_err()
+            .to_string(),
+        usage,
+    ] {
+        assert!(told.chars().count() < 400, "{told}");
+        assert!(!told.contains('\u{1b}'), "{told}");
     }
 }
 

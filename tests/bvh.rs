@@ -32,7 +32,7 @@ pub fn apart(triangles: impl Iterator<Item = Triangle>) -> Mesh {
     let vertices: Vec<_> = triangles.flatten().collect();
     let numbers = (0..vertices.len() as u32 / 3).map(|i| 3 * i);
     let triangles = numbers.map(|i| [i, i + 1, i + 2]).collect();
-    Mesh { vertices, triangles, joined: vec![], marks: vec![] }
+    Mesh { vertices, triangles, ..Mesh::default() }
 }
 
 fn soup(n: usize, size: f64) -> Mesh {
@@ -104,7 +104,7 @@ fn roof() -> Mesh {
     let ridge = [DVec3::Z - DVec3::Y, DVec3::Z + DVec3::Y];
     let vertices = [ridge, [-DVec3::X, DVec3::X]].concat();
     let triangles = vec![[0, 1, 2], [1, 0, 3]];
-    Mesh { vertices, triangles, joined: vec![], marks: vec![] }
+    Mesh { vertices, triangles, ..Mesh::default() }
 }
 
 #[test]

@@ -14,7 +14,7 @@ use litpt::state::learnt::{read, write};
 
 // --------------------------------------------------------------- The library
 
-fn run_key_with(changes: Value) -> RunKey {
+pub fn run_key_with(changes: Value) -> RunKey {
     let mut key = json!({
         "version": "0", "integrator": "i", "scene_sha256": "ab",
         "resolution": [5, 3], "position": [0.5, -1e9, 3.],
@@ -128,11 +128,15 @@ fn a_fact_that_differs_is_named_with_both_values() {
 /// What a gather has learnt comes back, and what none can learn is refused.
 #[test]
 fn what_cannot_be_learnt_is_refused() {
-    let place = Scratch::new();
-    let gather = "--integrator=gather -n64 --samples=0..0 -oa.litpt";
-    place.done(&format!("-q -iroom.obj -d9x7 {gather}"));
-    let saved = Checkpoint::of_file(&place.path("a.litpt")).unwrap();
-    let Known { run_key, learnt, .. } = saved.known;
+    let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 70.);
+    let (mesh, sky) = (cavity(0.2, 24), (0.8, DVec3::Z));
+    let setting = Setting::new(&mesh, sky, &view, 9. / 7.).unwrap();
+    let run_key = run_key_with(json!({
+        "resolution": [9, 7], "method": "gather", "replicate": 4
+    }));
+    let mut gather = setting.gather((9, 7));
+    gather.learn(&run_key.film(), &|_| true);
+    let learnt = gather.learnt;
     let cache = &learnt.get().unwrap().cache;
     let (cells, guides) = (cache.cells.len(), cache.guides.len());
     let mut whole = vec![];
@@ -274,9 +278,17 @@ fn a_run_that_was_killed_twice_ends_with_the_bytes_of_an_uninterrupted_one()
 #[test]
 fn a_run_that_has_ended_may_go_on_to_another_limit() {
     let place = Scratch::new();
-    pt(&place, "-n7 -ob.pgm --checkpoint=c").succeeded();
+    let loud = SCENE.replacen("-q", "-f", 1);
+    place.done(&format!("{loud} -n7 -ob.pgm --checkpoint=c"));
     assert_eq!(saved_spp(&place.path("c")), Some(7));
     place.put("e", place.get("c"));
+    // One that holds enough is worth a warning.
+    for (n, enough) in [("", true), ("-n4", true), ("-n8", false)] {
+        let on = format!("{loud} --resume=c -ob.pgm {n}");
+        let said = place.done(&on).stderr;
+        assert_eq!(said.contains("c: holds 7"), enough, "{said}");
+    }
+    place.put("c", place.get("e"));
     pt(&place, "-n30 --resume=c -ob.png").succeeded();
     place.put("c", place.get("e"));
     let on = "--error=0.05 --resume=c --checkpoint=d";
@@ -325,17 +337,6 @@ fn what_cannot_be_resumed_is_refused_and_left_alone() {
     pt(&place, "--resume=/dev/zero").failed(1, &["is not a checkpoint"]);
     let none = pt(&place, &format!("{missing} --resume=d"));
     none.failed(1, &["d: cannot read", "No such file"]);
-}
-
-#[test]
-fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
-    let place = Scratch::new();
-    place.put("c", "old");
-    let run = "-imissing.obj -oa.pgm --checkpoint=c";
-    pt(&place, run).failed(1, &["c: ", "-f"]);
-    assert_eq!(place.get("c"), b"old");
-    pt(&place, "-f -oa.pgm --checkpoint=c").succeeded();
-    assert_eq!(saved_spp(&place.path("c")), Some(1));
 }
 
 #[test]

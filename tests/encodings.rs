@@ -6,6 +6,9 @@
 
 use crate::prelude::*;
 
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
+
 use flate2::{Compression, GzBuilder, write::GzEncoder};
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
@@ -261,4 +264,13 @@ fn the_program_reads_compressed_files_and_pipes() {
         let run = place.feed(&file[..file.len() - 1], &small);
         run.failed(1, &["standard input: the ", " "]);
     }
+    // What comes late is read, and a file whose name is no text.
+    let late = "# a word\n".repeat(1 << 21) + TEXT;
+    let late = place.feed(late.as_bytes(), &small).succeeded();
+    assert_eq!(late.stdout, plain.stdout);
+    let name = OsStr::from_bytes(b"\xff.obj");
+    fs::write(place.path("").join(name), TEXT).unwrap();
+    let mut command = place.pt(&small);
+    let run = outcome(command.arg(name)).succeeded();
+    assert_eq!(run.stdout, plain.stdout);
 }

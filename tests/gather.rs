@@ -11,7 +11,7 @@ use crate::sampler::{assert_cosine, normals};
 
 use std::sync::OnceLock;
 
-use litpt::analysis::LitView;
+use litpt::analysis::{LitView, SHORTCUTS};
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{
     Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY, WHOLE,
@@ -833,6 +833,14 @@ fn image(place: &Scratch, method: &str, options: &str) -> Vec<u8> {
 #[test]
 fn threads_and_instructions_do_not_change_a_bit_of_any_method() {
     let place = Scratch::new();
+    for isa in Isa::ALL {
+        let run =
+            place.line(&format!("-iroom.obj -d9x7 -oa.pgm -f --isa={isa}"));
+        match isa.is_available() {
+            true => assert!(run.stderr.contains(&format!(", {isa})"))),
+            false => run.failed(1, &[&isa.to_string(), "instructions"]),
+        }
+    }
     let available = Isa::ALL.into_iter().filter(|isa| isa.is_available());
     let isas = available.map(|isa| format!("-n64 --isa={isa}"));
     let others: Vec<_> =
@@ -850,8 +858,25 @@ fn threads_and_instructions_do_not_change_a_bit_of_any_method() {
     assert!(a != b && a != c);
 }
 
+/// Whatever a pilot would choose for more samples.
 #[test]
-fn a_checkpoint_decides_how_many_samples_are_placed_together() {
+fn a_checkpoint_decides_the_method_and_how_many_samples_are_placed_together()
+ {
+    let place = Scratch::new();
+    let open = BOX.replace("f 5 6 7 8\n", "");
+    place.put("box.obj", open);
+    let method = |options: &str| {
+        let view = "box.obj -p-.9,-.8,0 -t1,1,-.3 -r0.8 -d64x48 -q -f";
+        place.done(&format!("{view} -oa.exr --report=r.json {options}"));
+        place.json("r.json")["settings"]["integrator"].take()
+    };
+    assert_eq!(method("-n4 --checkpoint=c"), "reference");
+    assert_eq!(method("-n64"), "gather");
+    assert_eq!(method("-n64 --resume=c"), "reference");
+    assert_eq!(place.json("r.json")["spp"], 64);
+    // And the other way round.
+    assert_eq!(method("-n64 --checkpoint=d"), "gather");
+    assert_eq!(method("-n65 --resume=d"), "gather");
     for method in METHODS {
         let place = Scratch::new();
         // Scrambles of 4 samples; those of 160 samples would have 8.
@@ -906,48 +931,47 @@ fn samples_are_rounded_up_to_whole_scrambles() {
     }
 }
 
-/// A triangle in front of the camera, and one behind it.
-const AHEAD: &str = "v -1 4 -1\nv 1 4 -1\nv 0 4.3 1\nf 1 2 3\n";
-const BEHIND: &str = "v -1 -4 -1\nv 1 -4 -1\nv 0 -4.3 1\nf 1 2 3\n";
-
 #[test]
 fn scenes_without_light_or_surface_and_single_pixels_are_gathered() {
-    let place = Scratch::new();
-    place.put("box.obj", BOX);
-    place.put("ahead.obj", AHEAD);
-    place.put("behind.obj", BEHIND);
-    let means = |options: &str| {
-        place.done(&format!("-qf -oa.pfm --integrator=gather {options}"));
-        let means = place.image("a.pfm").means;
+    let eye = View { up: DVec3::Z, ..look(DVec3::ZERO, DVec3::Y, 70.) };
+    let means = |text: &str, rho, size, n, keeps: bool| {
+        let mesh = read_obj(text.as_bytes()).unwrap();
+        let fov = if size == (1, 1) && n > 99 { 1. } else { 70. };
+        let view = View { fov, ..eye };
+        let setting = settings::Setting { name: "", mesh, view, rho };
+        let pixels = Pixels::of_image(size);
+        let sampling = Sampling::new(Method::Gather, 0, Some(n), pixels);
+        let kept = if keeps { &SHORTCUTS[..] } else { &[] };
+        let outcome = setting.render_with(kept, size, n, &sampling, |_| ());
+        let means: Vec<_> = outcome.film.means().collect();
         assert!(means.iter().all(|mean| mean.is_finite()));
         means
     };
     // Closed and dark, whether that is known or not.
-    for options in ["-r1", "-r0.5 --keep-all", "-r1 --keep-all"] {
-        let dark = means(&format!("-ibox.obj -d4x3 -n2 {options}"));
-        assert_eq!(dark, [0.; 12], "{options}");
+    for (rho, keeps) in [(1., false), (0.5, true), (1., true)] {
+        assert_eq!(means(BOX, rho, (4, 3), 2, keeps), [0.; 12]);
     }
     // Half of an image without a triangle is sky.
-    for options in ["", " --keep-all"] {
-        let sky = means(&format!("-ibehind.obj -d4x6 -n2{options}"));
+    let behind = "v -1 -4 -1\nv 1 -4 -1\nv 0 -4.3 1\nf 1 2 3\n";
+    for keeps in [false, true] {
+        let sky = means(behind, 1., (4, 6), 2, keeps);
         assert_eq!(sky, [[1.; 12], [0.; 12]].concat());
     }
     // A triangle alone sees the sky above its horizon: (1 + cos) / 2 of its
     // hemisphere. Each sample is at most 1, so that the standard error of
     // independent ones is 1/128 at most, and that of a net is less.
-    let one = means("-iahead.obj -d1x1 -F1 -n4096 -r1");
+    let ahead = "v -1 4 -1\nv 1 4 -1\nv 0 4.3 1\nf 1 2 3\n";
+    let one = means(ahead, 1., (1, 1), 4096, false);
     let exact = 0.5 + 0.5 * 0.3 / 4.09f64.sqrt();
     assert!((one[0] - exact).abs() < 4. / 128., "{one:?} {exact}");
-    // Black surfaces, single pixels and parts of an image.
-    for options in [
-        "-r0 --keep-all",
-        "-r0",
-        "-d1x1 -n16",
-        "-d1x1 -n1",
-        "-d40x30 --crop=5,7,20x9 -n16",
-        "-d40x30 --crop=39,29,1x1 -n16",
+    // Black surfaces and single pixels.
+    for (rho, size, n, keeps) in [
+        (0., (40, 30), 1, true),
+        (0., (40, 30), 1, false),
+        (1., (1, 1), 16, false),
+        (1., (1, 1), 1, false),
     ] {
-        let room = means(&format!("-iroom.obj {options}"));
-        assert!(room.iter().all(|mean| *mean > -0.5), "{options}");
+        let room = means(ROOM, rho, size, n, keeps);
+        assert!(room.iter().all(|mean| *mean > -0.5), "{rho} {size:?}");
     }
 }

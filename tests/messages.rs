@@ -27,11 +27,6 @@ fn coloured(text: &str) -> bool {
     parts.any(|part| part.trim_start_matches(digits).starts_with('m'))
 }
 
-fn summary(arguments: &str) -> Run {
-    let scene = format!("{} -isquare.obj -d4x3", ABOVE.join(" "));
-    Scratch::new().done(&format!("{scene} {arguments}"))
-}
-
 /// The number before `unit` in a text.
 fn number_before(text: &str, unit: &str) -> f64 {
     let end = text.find(unit).expect(unit);
@@ -40,11 +35,14 @@ fn number_before(text: &str, unit: &str) -> f64 {
 }
 
 #[test]
-fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
-    let run = summary("-n5 -r0.5");
-    let lines: Vec<&str> = run.stderr.lines().collect();
+fn a_summary_is_a_plain_table_of_the_end_the_image_and_the_cost() {
+    let place = Scratch::new();
+    let scene = format!("{} -isquare.obj -d4x3 -f", ABOVE.join(" "));
+    let run = |words: &str| place.done(&format!("{scene} {words}")).stderr;
+    let table = run("-n5 -r0.5");
+    let lines: Vec<&str> = table.lines().collect();
     let names = ["run", "image", "render", "scene", "sky"];
-    assert_eq!(lines.len(), names.len(), "{}", run.stderr);
+    assert_eq!(lines.len(), names.len(), "{table}");
     let texts = lines.iter().zip(names).map(|(line, name)| {
         let start = format!("> {name:10}");
         line.strip_prefix(&start).unwrap_or_else(|| panic!("{line}"))
@@ -54,7 +52,8 @@ fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
     let mean = "5 spp, mean radiance 0.500000 ± 0.000000, rmse 0.000000";
     assert_eq!(texts[1], mean);
     // Each path meets the square and then the sky: two rays.
-    assert_eq!(number_before(texts[2], " rays,"), 2. * 5. * 12.);
+    let rays = 2. * 5. * 12.;
+    assert_eq!(number_before(texts[2], " rays,"), rays);
     assert!(number_before(texts[2], " s,") >= 0.);
     assert!(texts[2].ends_with("rays/s (reference)"), "{}", texts[2]);
     assert_eq!(number_before(texts[3], " triangles"), 2.);
@@ -63,33 +62,20 @@ fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
         let (seconds, _) = rest.split_once(" s").expect(room);
         assert!(seconds.parse::<f64>().unwrap() >= 0.);
     }
-    // These 120 rays are expected, for two triangles.
-    let built = format!(" s (quality 0.06, {})", Isa::best());
+    let quality = Quality::expecting(2, rays);
+    let built = format!(" s ({quality}, {})", Isa::best());
     assert!(texts[3].ends_with(&built), "{}", texts[3]);
     assert_eq!(texts[4], "uniform, zenith z");
-}
-
-/// One who asks for an error within too few samples is told, and has an
-/// image: that is no failure.
-#[test]
-fn a_missed_target_is_said_and_ends_with_status_0() {
-    let place = Scratch::new();
+    // A pipe gets neither colours nor a bar, and nothing from the quiet.
+    let long = run("-n2000");
+    assert!(!long.contains(['\x1b', '\r', '%']), "{long}");
+    assert!(!place.line("-n0").stderr.contains('\x1b'));
+    assert_eq!(run("-q") + &run("--quiet -o image.png"), "");
+    // An error that too few samples do not reach is told, and no failure.
     let run = place.done("-iroom.obj -d8x6 -n2 --error=1e-9");
     let line = run.stderr.lines().next().unwrap();
     assert!(line.contains("stopped by samples; 2 of 2 spp; error 0."));
     assert!(line.ends_with(", target 0.000000001 not reached"), "{line}");
-    let help = place.line("-h").text();
-    let (_, status) = help.split_once("Exit status: 0").expect("statuses");
-    assert!(status.contains("before --error was reached"), "{status}");
-}
-
-#[test]
-fn a_pipe_gets_neither_colours_nor_a_bar_and_nothing_if_quiet() {
-    let run = summary("-n2000");
-    assert!(!run.stderr.contains(['\x1b', '\r', '%']), "{}", run.stderr);
-    assert!(!Scratch::new().line("-n0").stderr.contains('\x1b'));
-    assert_eq!(summary("-q").stderr, "");
-    assert_eq!(summary("--quiet -o image.png").stderr, "");
 }
 
 /// A render that lasts as long as its limits say.
@@ -125,14 +111,11 @@ fn a_bar_begins_at_zero_and_never_goes_back_and_is_then_removed() {
         assert!(erased.contains("\x1b[2K"), "{text:?}");
         assert!(summary.contains("stopped by "), "{text:?}");
     }
-}
-
-#[test]
-fn a_bar_ends_with_the_run_that_a_signal_ends() {
+    // So it is if a signal ends the run.
     let run = format!(
         "{LONG} --time 60 & sleep 1; kill -TERM $!; wait $!; echo status $?"
     );
-    let Some(text) = on_a_terminal(&Scratch::new(), &run) else { return };
+    let text = on_a_terminal(&place, &run).unwrap();
     let (bars, rest) = text.split_once("stopped by a signal").unwrap();
     assert!(!percentages(bars).is_empty(), "{text:?}");
     assert!(percentages(rest).is_empty(), "{text:?}");
@@ -212,87 +195,38 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     // Who asks for a format wants it on the terminal.
     let pgm = run("-p0,0,0 -d9x7 room.obj -q --format=pgm").unwrap();
     assert!(pgm.starts_with("P2"), "{pgm}");
-    // Alone there it prints the help.
+    // SingleProcess there it prints the help.
     let help = run("; echo status $?").unwrap();
     assert!(help.contains("Usage:") && help.contains("status 2"), "{help}");
 }
 
-/// A value or a file at the wrong place: the message says which is right.
+/// An image of nothing; and an axis that is not up, which is plain where faces
+/// look up that nothing closes from below.
 #[test]
-fn what_is_likely_meant_is_named() {
+fn what_is_likely_a_mistake_is_warned_of() {
     let place = Scratch::new();
-    place.put("a.ply", "ply\nformat ascii 1.0\n");
-    place.put("a.stl", "solid cube\n facet normal 0 0 1\n");
-    let mut binary = vec![b'x'; 84 + 2 * 50];
-    binary[80..84].copy_from_slice(&2u32.to_le_bytes());
-    place.put("b.stl", binary);
-    place.put("a.gltf", "{ \"asset\": {} }");
-    place.put("a.dae", "<?xml version=\"1.0\"?>\n<COLLADA/>\n");
-    place
-        .put("b.dae", "\u{feff}\r\n <?XML version=\"1.0\"?>\n<COLLADA/>\n");
-    place.put("solid.obj", format!("#VRML by foo\n{ROOM}"));
-    place.done("solid.obj -n1 -d8x6 -oa.pfm");
-    place.put("a.txt", "Dear all,\nplease find attached\n");
-    for (words, status, message) in [
-        ("room.obj --error max", 2, "--error-of max is what it limits"),
-        ("room.obj --error rms", 2, "--error-of rms is what it limits"),
-        ("room.obj --samples 64", 2, "-n is the number of samples"),
-        ("--faces both", 2, "--faces=both is one word"),
-        ("--faces front -r0", 2, "--faces=front is one word"),
-        ("room.obj --faces back", 2, "--faces=back is one word"),
-        ("--faces both room.obj", 2, "--faces=both is one word"),
-        ("a.ply", 1, "a.ply: the format is PLY, not Wavefront OBJ"),
-        ("a.stl", 1, "a.stl: the format is STL"),
-        ("b.stl", 1, "b.stl: the format is STL"),
-        ("a.gltf", 1, "a.gltf: the format is glTF"),
-        ("b.dae", 1, "b.dae: the format is COLLADA or other XML"),
-        ("a.dae", 1, "a.dae: the format is COLLADA or other XML"),
-        ("a.txt", 1, "is it a Wavefront OBJ?"),
-        ("-d8x6", 1, "standard input: empty; name a scene"),
-    ] {
-        place.free(words).failed(status, &[message]);
-    }
-    // A word that is like no option suggests none.
-    for (word, meant) in [("--camera", ""), ("--albdo", "'--albedo'")] {
-        let run = place.free(&format!("room.obj {word} 1"));
-        run.failed(2, &[word, meant]);
-        let tells = run.stderr.contains("similar");
-        assert_eq!(tells, !meant.is_empty(), "{}", run.stderr);
-    }
-}
-
-#[test]
-fn numbers_are_taken_as_people_write_them() {
-    let place = Scratch::new();
-    let image = |words: &[&str]| {
-        let common = ["-iroom.obj", "-d8x6", "-n2", "--format=pfm"];
-        let run = place.run(&[&common, words].concat()).succeeded();
-        run.stdout
-    };
-    let plain = image(&["-t1,2,3", "-r0.7", "--ground=0.2"]);
-    assert_eq!(image(&["-t", "1, 2, 3", "-r70%", "--ground=20%"]), plain);
-    place.put("m.mtl", "newmtl a\nKd 0.2 0.4 0.6\n");
-    place.put("m.obj", format!("mtllib m.mtl\nusemtl a\n{ROOM}"));
-    let band = image(&["-im.obj", "--band=r"]);
-    assert_eq!(image(&["-im.obj", "--materials", "--band=r"]), band);
-}
-
-#[test]
-fn an_image_of_nothing_is_warned_of() {
-    let place = Scratch::new();
-    let run =
-        place.done("-isquare.obj -p0,0,9 -t0,0,99 -u0,1,0 -n2 -oa.exr");
     let why =
         "warning: no triangle can be seen: all of the image is the sky";
-    assert!(run.stderr.contains(why), "{}", run.stderr);
-    let run = place.done("-iroom.obj -n2 -fob.exr");
-    assert!(!run.stderr.contains("warning"), "{}", run.stderr);
-}
-
-/// Where faces look up that nothing closes from below, the axis is plain.
-#[test]
-fn an_axis_that_looks_up_is_told_where_nothing_else_says_it() {
-    let place = Scratch::new();
+    for (to, is_told) in [("0,0,99", true), ("0,0,0", false)] {
+        let view = format!("-p0,0,9 -u0,1,0 -t{to} -n2 -foa.exr");
+        let run = place.done(&format!("-isquare.obj {view}"));
+        assert_eq!(run.stderr.contains(why), is_told, "{}", run.stderr);
+    }
+    // What is not rendered is told once, unless the program is quiet.
+    place.put("odd.obj", format!("{SQUARE}l 1 2\nF 1 2\n"));
+    let said = place.done("odd.obj -n1 -d4x3 -fox.pfm -p0,0,2").stderr;
+    assert_eq!(said.matches("warning: odd.obj").count(), 1, "{said}");
+    assert!(said.contains("odd.obj:6: l, the first of 2"), "{said}");
+    let quiet = place.done("odd.obj -n1 -d4x3 -fqox.pfm -p0,0,2").stderr;
+    assert_eq!(quiet, "");
+    // A triangle that is too small beside a square.
+    let speck =
+        format!("{SQUARE}v 0 0 1\nv 1e-7 0 1\nv 0 1e-7 1\nf 5 6 7\n");
+    place.put("speck.obj", speck);
+    let run = place.done("-ispeck.obj -p0,0,2 -n1 -d4x3 -fox.pfm");
+    let told =
+        "warning: 1 of 3 triangles: smaller than 2^-40 of the largest";
+    assert!(run.stderr.contains(told), "{}", run.stderr);
     // A floor with a table on it, without undersides; and five walls of a
     // box, which may lie on its side.
     let turned = |text: &str, by: usize| {
@@ -366,32 +300,4 @@ fn a_wide_name_does_not_break_the_line_of_progress() {
     assert!(!drawn.is_empty(), "{text:?}");
     // It fills whole lines of the screen, from which it is wiped.
     assert!(drawn.iter().all(|line| columns(line) % 40 == 0), "{drawn:?}");
-}
-
-// A word, a line, a name, a value of an option and one of a header.
-#[test]
-fn no_message_quotes_more_than_eighty_characters() {
-    let place = Scratch::new();
-    let (long, words) = ("\u{e9}\u{1b}".repeat(5000), "a b ".repeat(999));
-    place.put("v.obj", format!("v 0 0 {long}\nf 1 1 1\n"));
-    place.put("i.obj", format!("v 1e999 0 0 #{words}\nf 1 1 1\n"));
-    place.put("g.obj", format!("g {words}\n{BOX}"));
-    place.put("p.txt", "0 0 0 ".repeat(999));
-    place.put("a.pfm", format!("Pf\n2 2\n{long}\n"));
-    for line in [
-        "v.obj",
-        "i.obj",
-        "g.obj -r x=0.5",
-        &format!("g.obj --albedo {long}=0.5"),
-        &format!("g.obj --spp {long}"),
-        "room.obj --reference a.pfm",
-    ] {
-        let run = place.line(line);
-        assert!(run.status > Some(0), "{line}");
-        let n = run.stderr.chars().count();
-        assert!(n < 400, "{n}: {}", run.stderr);
-        assert!(!run.stderr.contains('\u{1b}'));
-    }
-    let run = place.free("room.obj --points p.txt");
-    assert!(run.stderr.chars().count() < 200, "{}", run.stderr);
 }

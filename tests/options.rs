@@ -154,6 +154,14 @@ fn a_vector_may_begin_with_a_minus_sign() {
     let position = DVec3::new(-1., -2., -0.5);
     let plan = parsed(&joined);
     assert_eq!(plan.camera().unwrap().view(DVec3::Z).position, position);
+    // Numbers are taken as people write them.
+    let wide = ["-t", "1, 2, 3", "-r70%", "--ground=20%"];
+    let plain = ["-t1,2,3", "-r0.7", "--ground=0.2"];
+    assert_eq!(saved(&wide), saved(&plain));
+    assert!(parsed(&["--band=r"]).surfaces.materials);
+    let part = parsed(&["-d45x37", "--crop=17,5,20x30"]);
+    let part = part.camera().unwrap().window();
+    assert_eq!(part, Window { corner: (17, 5), size: (20, 30) });
 }
 
 #[test]
@@ -200,6 +208,24 @@ fn what_is_no_option_or_has_no_value_is_named() {
     refused(&["--format", "pgn"], &["'pgn'", "a similar", "'pgm'"]);
     refused(&["-p", "1,2,3", "4", "5"], &["'5'", "one word: 1,2,3"]);
     refused(&["-p", "0,1,2", "-4", "5"], &["'-4'", "one word: 1,2,3"]);
+    // What is likely meant is told.
+    for (words, meant) in [
+        ("--error max", "--error-of max is what it limits"),
+        ("--error rms", "--error-of rms is what it limits"),
+        ("--samples 64", "-n is the number of samples"),
+        ("--faces both", "--faces=both is one word"),
+        ("--faces front -r0", "--faces=front is one word"),
+        ("a.obj --faces back", "--faces=back is one word"),
+        ("--faces both a.obj", "--faces=both is one word"),
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        refused(&words, &[meant]);
+    }
+    // A word that is like no option suggests none.
+    let Err(Error::Usage(line)) = parse(&["--camera", "1"]) else {
+        panic!("an option --camera");
+    };
+    assert!(line.contains("--camera") && !line.contains("similar"));
 }
 
 #[test]
@@ -284,28 +310,23 @@ fn a_name_of_a_file_need_not_be_a_text() {
             assert_eq!(parsed(&words).scene, Path::new(name), "{line}");
         }
     }
-    let place = Scratch::new();
-    std::fs::write(place.path("").join(name), ROOM).unwrap();
-    place.run(&[OsStr::new("-d9x7"), name]).succeeded();
 }
 
 // --------------------------------------------------------------- The help
 
 #[test]
 fn the_help_lists_every_option_with_its_default_and_the_licence() {
-    let place = Scratch::new();
-    let run = place.done("-h");
-    assert!(run.stderr.is_empty());
+    let told = |word: &str| match parse(&[word]) {
+        Err(Error::Help(text)) => text.to_string(),
+        other => panic!("{word}: {other:?}"),
+    };
     let version = concat!("pt ", env!("CARGO_PKG_VERSION"), "\n");
-    for option in ["-V", "--version"] {
-        assert_eq!(place.line(option).text(), version);
-    }
-    let (help, long) = (run.text(), place.done("--help").text());
+    assert_eq!([told("-V"), told("--version")], [version; 2]);
+    let (help, long) = (told("-h"), told("--help"));
     for (long, short) in long.lines().zip(help.lines()) {
         assert_eq!(long, short);
     }
     assert_eq!(long.lines().count(), help.lines().count());
-    assert!(!help.contains('\x1b'));
     let mut listed = vec![
         ["-o, --output", "[default: -, standard output"].map(str::to_owned),
         ["-j, --threads", "[default: all cores]"].map(str::to_owned),
@@ -325,6 +346,7 @@ fn the_help_lists_every_option_with_its_default_and_the_licence() {
     let texts = "-f, --force|-q, --quiet|-h, --help|-V, --version|\
                  [default: standard input, as is -]|definition|\
                  realisations|reflectivity|Usage: pt|Exit status: 0|\
+                 before --error was reached|\
                  Copyright (C) 2026 litpt contributors|\
                  GNU GPL version 3 or later|NO WARRANTY";
     for text in texts.split('|') {
@@ -353,23 +375,6 @@ fn the_options_reach_the_image() {
         let (width, height, levels) = pgm(&image);
         assert_eq!(format!("{width}x{height}"), side);
         assert_eq!(levels.len(), 16384);
-    }
-}
-
-#[test]
-fn instructions_are_told_and_change_no_image() {
-    let place = Scratch::new();
-    let small = "-d70x50 -n5 -r0.8";
-    let film = place.render(small);
-    for isa in Isa::ALL {
-        let run = place.line(&format!("-iroom.obj {small} --isa={isa}"));
-        if isa.is_available() {
-            let run = run.succeeded();
-            assert!(run.stdout == film, "{isa}");
-            assert!(run.stderr.contains(&format!(", {isa})")), "{isa}");
-        } else {
-            run.failed(1, &[&isa.to_string(), "instructions"]);
-        }
     }
 }
 
@@ -477,33 +482,5 @@ fn a_view_from_outside_shows_the_whole_box() {
                 assert!(seen > 0., "{case}: {view:?}");
             }
         }
-    }
-}
-
-#[test]
-fn a_wrong_option_or_camera_is_reported_before_the_scene_is_read() {
-    let place = Scratch::new();
-    for (view, status, words) in [
-        ("-n0", 2, ["'0'", "--spp"]),
-        ("-p1,2.5,-3 -t1,2.5,-3", 1, ["1,2.5,-3", "-p"]),
-        ("-t1,2,-3 -u-2,-4,6", 1, ["1,2,-3", "-u"]),
-    ] {
-        let run = format!("{view} -imissing.obj -oimage.pgm");
-        place.line(&run).failed(status, &words);
-    }
-    place.holds_only(&[]);
-}
-
-#[test]
-fn a_crop_has_the_pixels_of_the_whole_image() {
-    let place = Scratch::new();
-    let [whole, part] = ["", "--crop=17,5,20x30"].map(|crop| {
-        let words = format!("-d45x37 -n3 --format=pfm {crop}");
-        Image::decode(&place.render(&words), &mut |_| ()).unwrap()
-    });
-    assert_eq!((part.width, part.height), (20, 30));
-    for (i, mean) in part.means.iter().enumerate() {
-        let (x, y) = (17 + i % 20, 5 + i / 20);
-        assert_eq!(*mean, whole.means[45 * y + x], "{x},{y}");
     }
 }

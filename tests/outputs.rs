@@ -6,9 +6,11 @@
 
 use crate::prelude::*;
 
+use std::ffi::CString;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Read};
 use std::os::fd::AsRawFd;
+use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 
 const SMALL: &str = "-iroom.obj -d9x7 -n2";
@@ -43,61 +45,101 @@ fn send_room(mut child: Running) -> Run {
 /// The name and the fault are told before the scene is read, and nothing is
 /// written.
 #[test]
-fn an_output_that_cannot_be_written_is_refused_at_once() {
+fn what_cannot_be_done_is_told_at_once() {
     let place = Scratch::new();
+    place.done("room.obj -d23x17 -q -otruth.exr -otruth.pfm -olevels.png");
+    let (exr, mut nan) = (place.get("truth.exr"), place.get("truth.pfm"));
+    let end = nan.len();
+    nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    place.put("nan.pfm", nan);
+    let header = format!("Pf\n2 2\n{}\n", "\u{e9}\u{1b}".repeat(5000));
+    place.put("long.pfm", header);
+    place.put("short.exr", &exr[..exr.len() / 2]);
     let date = put_old(&place, "old.png");
+    put_old(&place, "r.json");
+    put_old(&place, "c");
     fs::create_dir(place.path("folder.pgm")).unwrap();
-    symlink("nothing.pgm", place.path("link.pgm")).unwrap();
-    let long = ["n".repeat(252), ".pgm".to_owned()].concat();
+    symlink("nothing.pgm", place.path("nowhere.pgm")).unwrap();
+    symlink("room.obj", place.path("link.pgm")).unwrap();
     let names = place.names();
-    for (name, words) in [
-        (&long[..], "File name too long"),
-        ("none/image.pgm", "No such file or directory"),
-        ("room.obj/image.pgm", "Not a directory"),
-        ("folder.pgm", "is a directory"),
-        (".", "is a directory"),
-        ("/", "is a directory"),
-        ("image.jpg", ".pgm, .png"),
-        ("image.pgm.gz", ".pgm, .png"),
-        ("image.pgmx", ".pgm, .png"),
-        ("link.pgm", "dangling symbolic link"),
-        ("first.pgm", "named twice"),
-    ] {
-        for force in ["-q", "-f"] {
-            let files = format!("-ofirst.pgm -o {name} {force}");
-            let run = place.line(&format!("-imissing.obj {files}"));
-            run.failed(1, &[name, words]);
-            assert!(!run.stderr.contains(".pt-"), "{}", run.stderr);
-        }
+    let long = ["n".repeat(252), ".pgm".to_owned()].concat();
+    let long = format!("-o {long}");
+    let size = "is 23x17 pixels large, and the image 17x23";
+    let with_force = [
+        (&*long, "File name too long"),
+        ("-o none/image.pgm", "none/image.pgm: cannot create a file"),
+        ("-o room.obj/image.pgm", "room.obj/image.pgm: cannot write: Not"),
+        ("-o folder.pgm", "folder.pgm: is a directory"),
+        ("-o .", ".: is a directory"),
+        ("-o /", "/: is a directory"),
+        ("-o image.jpg", ".pgm, .png"),
+        ("-o image.pgm.gz", ".pgm, .png"),
+        ("-o image.pgmx", ".pgm, .png"),
+        ("-o nowhere.pgm", "nowhere.pgm: dangling symbolic link"),
+        ("-o first.pgm", "first.pgm: this file is named twice"),
+        ("--report r", ".json, .csv or .html"),
+        ("--report r.json.gz", ".json, .csv or .html"),
+        // No file may serve two purposes.
+        ("--report=s.json --report=s.json", "s.json: this file is named"),
+        ("-os.exr --checkpoint=s.exr", "s.exr: this file is named twice"),
+        ("--reference=s.pfm -os.pfm", "s.pfm: this file is named twice"),
+        ("--checkpoint=./s.json --report=s.json", "this file is named"),
+        ("-os.exr --checkpoint=.//s.exr", "this file is named twice"),
+        ("room.obj -olink.pgm", "link.pgm: this file is named twice"),
+        ("room.obj --checkpoint=room.obj", "room.obj: this file is named"),
+        // References and cameras.
+        ("--reference=truth.exr -d17x23", size),
+        ("--reference=truth.pfm -d17x23", size),
+        ("--reference=short.exr -d23x17", "short.exr"),
+        ("--reference=nan.pfm -d23x17", "numbers: 1, the first at 22,0"),
+        ("--reference=levels.png -d23x17", "grey levels"),
+        ("--reference=none.exr -d23x17", "none.exr: cannot read"),
+        ("--reference=long.pfm -d23x17", "its header has a scale of"),
+        ("-p1,2.5,-3 -t1,2.5,-3", "1,2.5,-3"),
+        ("-t1,2,-3 -u-2,-4,6", "1,2,-3"),
+    ];
+    let exists = "the file exists; overwrite it with -f";
+    let old = ["-o old.png", "--report r.json", "--checkpoint c"];
+    let all = ["-q", "-f"].map(|force| with_force.map(|row| (row, force)));
+    let old = old.map(|words| ((words, exists), "-q"));
+    for ((words, fault), force) in all.concat().into_iter().chain(old) {
+        let scene =
+            if words.contains("room.obj ") { "" } else { "missing.obj" };
+        let files = format!("{scene} -o first.pgm {words} {force}");
+        let run = place.line(&files);
+        run.failed(1, &[fault]);
+        assert!(!run.stderr.contains('\u{1b}'), "{}", run.stderr);
+        assert!(!run.stderr.contains(".pt-"), "{}", run.stderr);
+        assert!(run.stderr.chars().count() < 400, "{}", run.stderr);
     }
-    let second = place.line("-imissing.obj -onew.pgm -oold.png");
-    second.failed(1, &["old.png", "-f"]);
     assert_eq!(place.names(), names);
+    assert_eq!(place.text("room.obj"), ROOM);
     assert_eq!(place.get("old.png"), b"old");
     assert_eq!(modified(&place, "old.png"), date);
 }
 
+/// What is finished is beside it then, under the name that is said.
 #[test]
-fn a_file_created_during_the_render_is_left_untouched_without_force() {
+fn a_file_created_meanwhile_is_left_untouched_without_force() {
     let long = ["n".repeat(251), ".pgm".to_owned()].concat();
     for image in ["image.pgm", &long] {
         let place = Scratch::new();
-        let child = start_reading(&place, &format!("-n2 -o {image}"));
+        let target = OutputTarget::file(&place.path(image), false).unwrap();
         place.holds_only(&[]);
         let date = put_old(&place, image);
-        let run = send_room(child);
-        run.failed(1, &[image, "-f", "kept as "]);
+        let told = target.write(&mut |out| out.write_all(b"new"));
+        let told = told.unwrap_err().to_string();
+        assert!(told.contains(image) && told.contains("-f"), "{told}");
         assert_eq!(place.get(image), b"old");
         assert_eq!(modified(&place, image), date);
-        // The finished image is beside it, under the name that is said.
         let names = place.names();
         let start = if image.len() < 243 { "kept-" } else { ".pt-" };
         let kept = names.iter().find(|name| name.starts_with(start));
         let kept = kept.unwrap();
         place.holds_only(&[kept, image]);
-        assert!(run.stderr.contains(kept));
+        assert!(told.contains("kept as ") && told.contains(kept));
         assert!(kept.ends_with("-image.pgm") || start == ".pt-");
-        assert_eq!(place.get(kept), place.render(SMALL));
+        assert_eq!(place.get(kept), b"new");
     }
 }
 
@@ -141,7 +183,7 @@ fn an_image_appears_only_when_it_is_whole() {
 }
 
 #[test]
-fn a_directory_that_is_closed_to_us_is_reported_before_the_render() {
+fn a_directory_that_is_closed_to_us_is_reported_at_once() {
     let place = Scratch::new();
     let closed = place.path("closed");
     fs::create_dir(&closed).unwrap();
@@ -155,10 +197,11 @@ fn a_directory_that_is_closed_to_us_is_reported_before_the_render() {
             return skip("there is no directory closed to this user");
         }
     }
-    let film = directory.join("image.pgm").display().to_string();
-    for force in ["-q", "-f"] {
-        let run = place.run(&["-imissing.obj", force, "-o", &film]);
-        run.failed(1, &[&film]);
+    let film = directory.join("image.pgm");
+    for force in [false, true] {
+        let fault =
+            OutputTarget::file(&film, force).unwrap_err().to_string();
+        assert!(fault.starts_with(&*film.to_string_lossy()), "{fault}");
     }
 }
 
@@ -207,16 +250,16 @@ fn a_device_needs_no_force_and_stays_a_device() {
 #[test]
 fn a_named_pipe_carries_the_image_and_stays_a_pipe() {
     let place = Scratch::new();
-    let Ok(child) = place.command("mkfifo").arg("pipe.pgm").spawn() else {
-        return skip("there is no program mkfifo");
-    };
-    finish(Running(child));
     let pipe = place.path("pipe.pgm");
+    let name = CString::new(pipe.as_os_str().as_bytes()).unwrap();
+    // SAFETY: the name is one, and ends with zero.
+    assert_eq!(unsafe { libc::mkfifo(name.as_ptr(), 0o600) }, 0);
     let path = pipe.clone();
     let reader = thread::spawn(move || fs::read(path).unwrap());
-    write(&place, "-f -opipe.pgm").succeeded();
+    let target = OutputTarget::file(&pipe, false).unwrap();
+    target.write(&mut |out| out.write_all(b"image")).unwrap();
     assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
-    assert_eq!(reader.join().unwrap(), place.render(SMALL));
+    assert_eq!(reader.join().unwrap(), b"image");
 }
 
 /// Runs a script of the shell, in which `pt` renders the room.
@@ -335,6 +378,9 @@ fn a_write_that_stops_half_way_leaves_the_old_file_whole() {
         assert_eq!(modified(&place, "old.pgm"), date);
         place.holds_only(&["old.pgm"]);
     }
+    // Each file that cannot be written is named.
+    let run = shell(&place, "ulimit -f 64; noisy -oa.pgm -ob.pfm");
+    run.failed(1, &["a.pgm", "b.pfm"]);
     shell(&place, "noisy -o a.exr").succeeded();
     let run = shell(&place, "ulimit -f 1; ptimg tonemap a.exr -o a.png");
     run.failed(1, &["a.png: cannot write: File too large"]);
@@ -367,13 +413,15 @@ fn force_replaces_the_file_behind_a_link_and_keeps_the_link() {
     let place = Scratch::new();
     fs::create_dir(place.path("far")).unwrap();
     put_old(&place, "far/image.pgm");
-    symlink("far/image.pgm", place.path("link.pgm")).unwrap();
-    write(&place, "-olink.pgm").failed(1, &["link.pgm", "-f"]);
+    let link = place.path("link.pgm");
+    symlink("far/image.pgm", &link).unwrap();
+    let refused = OutputTarget::file(&link, false).unwrap_err().to_string();
+    assert!(refused.contains("link.pgm") && refused.contains("-f"));
+    let target = OutputTarget::file(&link, true).unwrap();
     assert_eq!(place.get("far/image.pgm"), b"old");
-    write(&place, "-f -olink.pgm").succeeded();
-    let target = fs::read_link(place.path("link.pgm")).unwrap();
-    assert_eq!(target, Path::new("far/image.pgm"));
-    assert_eq!(pgm(&place.get("far/image.pgm")).0, 9);
+    target.write(&mut |out| out.write_all(b"new")).unwrap();
+    assert_eq!(fs::read_link(link).unwrap(), Path::new("far/image.pgm"));
+    assert_eq!(place.get("far/image.pgm"), b"new");
     place.holds_only(&["far", "link.pgm"]);
 }
 
@@ -396,11 +444,20 @@ pub fn png(bytes: &[u8]) -> (u32, u32, Vec<u16>) {
 fn the_rows_go_from_top_to_bottom_and_from_left_to_right() {
     // A wall hides the sky on the left, the ground on the right is dark.
     let wall = "v -9 1 -9\nv 0 1 -9\nv 0 1 9\nv -9 1 9\nf 1 2 3 4\n";
-    let view = "-d2x2 -F20 -n4 -r0 -t0,9,0";
-    let run = Scratch::new().feed(wall.as_bytes(), view).succeeded();
-    let levels = pgm(&run.stdout).2;
-    let dark = levels.iter().filter(|level| **level == 0).count();
-    assert!(levels[1] >= 254 && dark == 3, "{levels:?}");
+    let mesh = read_obj(wall.as_bytes()).unwrap();
+    let view = look(DVec3::ZERO, 9. * DVec3::Y, 20.);
+    let view = View { up: DVec3::Z, ..view };
+    let setting = Setting::new(&mesh, (0., DVec3::Z), &view, 1.).unwrap();
+    let mut film = Film::new(2, 2);
+    setting.job(0).pass(&mut film, 4, &|_| true);
+    assert_eq!(film.means().collect::<Vec<_>>(), [0., 1., 0., 0.]);
+    let image = Image::plain(2, 2, film.means().collect());
+    for format in [Format::Pgm, Format::Png] {
+        let mut bytes = vec![];
+        format.write(&image, &mut bytes).unwrap();
+        let read = Image::decode(&bytes, &mut |_| ()).unwrap();
+        assert_eq!(read.means, image.means);
+    }
 }
 
 #[test]

@@ -155,10 +155,10 @@ fn pictures(method: &str) {
     assert!(!names(&place.get("e.exr"), b"\0filtered.Y\0"));
 }
 
-/// A state without what a picture needs gives the image as it is, and a
-/// warning.
+/// A state without what a picture needs, or a part of one, gives the image as
+/// it is, and a warning.
 #[test]
-fn a_run_that_began_without_a_picture_says_so() {
+fn what_cannot_be_filtered_is_said() {
     let place = Scratch::new();
     let loud = VIEW.replace("-qf", "-f");
     place.done(&format!("{loud} -oa.pfm -oa.litpt"));
@@ -168,6 +168,25 @@ fn a_run_that_began_without_a_picture_says_so() {
     assert!(!run.stderr.contains("picture   rmse"));
     place.done("-qf --resume=c.litpt -n24 -oc.png --no-filter");
     assert!(place.get("b.png") == place.get("c.png"));
+    // What a part says of its own picture is not said of the whole.
+    for (part, range) in [("a", "0..6"), ("b", "6..12")] {
+        let files = format!("-f -o{part}.litpt -o{part}.png");
+        place.done(&format!("{VIEW} --samples={range} {files}"));
+    }
+    let merge = |to: &str| {
+        let files = "merge a.litpt b.litpt --report r.json -f";
+        place.ptimg(&format!("{files} {to}")).stderr
+    };
+    assert!(merge("-oc.png").contains("the picture is not filtered"));
+    assert!(place.json("r.json").get("picture").is_none());
+    assert_eq!(merge("-oc.pfm -oc.litpt"), "");
+    let paths = "--integrator=reference --background=1";
+    for (part, range) in [("a", "0..6"), ("b", "6..12")] {
+        let line =
+            format!("{VIEW} {paths} --samples={range} -o{part}.litpt");
+        place.done(&line);
+    }
+    assert!(merge("-oc.png").contains("the picture has no opacity"));
 }
 
 /// A triangle before a grey, whose edges are lines.
@@ -223,30 +242,6 @@ fn a_background_is_seen_behind_what_the_opacity_tells() {
     }
     let run = place.free("a.obj --vertices --background=1");
     run.failed(2, &["cannot be used"]);
-}
-
-/// What a part has said of its own picture is not said of the whole.
-#[test]
-fn a_merge_says_that_its_picture_is_not_filtered() {
-    let place = Scratch::new();
-    for (part, range) in [("a", "0..6"), ("b", "6..12")] {
-        let files = format!("-o{part}.litpt -o{part}.png");
-        place.done(&format!("{VIEW} --samples={range} {files}"));
-    }
-    let merge = |to: &str| {
-        let files = "merge a.litpt b.litpt --report r.json -f";
-        place.ptimg(&format!("{files} {to}")).stderr
-    };
-    assert!(merge("-oc.png").contains("the picture is not filtered"));
-    assert!(place.json("r.json").get("picture").is_none());
-    assert_eq!(merge("-oc.pfm -oc.litpt"), "");
-    let paths = "--integrator=reference --background=1";
-    for (part, range) in [("a", "0..6"), ("b", "6..12")] {
-        let line =
-            format!("{VIEW} {paths} --samples={range} -o{part}.litpt");
-        place.done(&line);
-    }
-    assert!(merge("-oc.png").contains("the picture has no opacity"));
 }
 
 /// A picture of a run, and one of its EXR, are equally bright.

@@ -188,25 +188,33 @@ fn a_diff_answers_by_its_status_and_in_words() {
         assert!(last.contains(words[words.len() - 1]), "{last}");
         assert_eq!(said(&place, &format!("diff -q {a} {b}"), status), "");
     }
-}
-
-#[test]
-fn a_comparison_that_cannot_be_made_has_status_2() {
-    let place = Scratch::new();
-    let image = put(&place, "a.exr", 1, 0.5);
-    write(&place, "a.pfm", &image);
-    write(&place, "b.pfm", &put(&place, "b.exr", 2, 0.5));
-    write(&place, "b.exr", &Image { width: 30, height: 40, ..image });
+    // A comparison that cannot be made has the status 2.
+    let (width, height) = (30, 40);
+    let turned = Image { width, height, ..place.image("a.exr") };
+    write(&place, "turned.exr", &turned);
+    write(&place, "d.pfm", &place.image("same.exr"));
     for (files, words) in [
         ("a.exr none.exr", &["none.exr: cannot read"][..]),
         ("a.exr room.obj", &["room.obj: it is neither"]),
         ("- -", &["standard input: it is neither"]),
-        ("a.pfm b.pfm", &["a.pfm", "error estimates"]),
-        ("a.exr b.exr", &["40x30", "30x40"]),
+        ("b.pfm d.pfm", &["b.pfm", "error estimates"]),
+        ("a.exr turned.exr", &["40x30", "30x40"]),
         ("a.exr", &["<B>", "ptimg --help"]),
-        ("a.exr b.exr -o a.pfm", &["a.pfm", "-f"]),
+        ("a.exr same.exr -o b.pfm", &["b.pfm", "-f"]),
     ] {
         place.ptimg(&format!("diff {files}")).failed(2, words);
+    }
+    // A map holds z or grey levels.
+    said(&place, "diff a.exr same.exr -oz.exr -oz.pgm", 0);
+    let [a, b, z] =
+        ["a.exr", "same.exr", "z.exr"].map(|name| place.image(name));
+    let [one, other] = [&a, &b].map(|p| p.errors.as_ref().unwrap()[0]);
+    let expected = (a.means[0] - b.means[0]) / one.hypot(other);
+    assert!((z.means[0] - expected).abs() < 1e-5);
+    let (.., levels) = pgm(&place.get("z.pgm"));
+    for (z, level) in z.means.iter().zip(levels) {
+        let expected = 255. * (0.5 + z / 10.).clamp(0., 1.);
+        assert!((f64::from(level) - expected).abs() < 1.01, "{z} {level}");
     }
 }
 
@@ -230,43 +238,6 @@ fn images_of_different_things_are_named_as_such() {
     let words = ["two.exr: shows something else", "crop 4,3,40x30 against"];
     render(&format!("{third} two.exr")).failed(1, &words);
     render(&format!("{third} one.exr")).succeeded();
-}
-
-#[test]
-fn the_map_of_a_diff_holds_z_or_grey_levels() {
-    let place = Scratch::new();
-    let a = put(&place, "a.exr", 1, 0.5);
-    let b = put(&place, "b.exr", 2, 0.5);
-    said(&place, "diff a.exr b.exr -oz.exr -oz.pgm", 0);
-    let z = place.image("z.exr").means;
-    let error = |p: &Image| p.errors.as_ref().unwrap()[0];
-    let variance = error(&a).powi(2) + error(&b).powi(2);
-    let expected = (a.means[0] - b.means[0]) / variance.sqrt();
-    assert!((z[0] - expected).abs() < 1e-5);
-    let (width, height, levels) = pgm(&place.get("z.pgm"));
-    assert_eq!((width, height), (40, 30));
-    for (&z, level) in z.iter().zip(levels) {
-        let expected = 255. * (0.5 + z / 10.).clamp(0., 1.);
-        assert!((f64::from(level) - expected).abs() < 1.01, "{z} {level}");
-    }
-}
-
-/// A test of states has one beside an image.
-#[test]
-fn images_are_not_merged() {
-    let place = Scratch::new();
-    put(&place, "a.exr", 1, 0.5);
-    put(&place, "b.exr", 2, 0.5);
-    for (files, status, words) in [
-        ("a.exr b.exr", 1, "a.exr: is not a checkpoint"),
-        ("- a.litpt", 1, "-: cannot read"),
-        ("a.litpt none.exr", 1, "a.litpt: cannot read"),
-        ("a.litpt", 2, "only 1"),
-    ] {
-        let merge = place.ptimg(&format!("merge -oc.exr {files}"));
-        merge.failed(status, &[words]);
-    }
-    assert!(!place.path("c.exr").exists());
 }
 
 #[test]
@@ -364,7 +335,7 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
 }
 
 #[test]
-fn an_image_for_the_screen_has_the_levels_of_pt() {
+fn an_image_for_the_screen_shows_levels_or_errors() {
     let place = Scratch::new();
     write(&place, "direct.png", &put(&place, "a.exr", 1, 0.5));
     let tonemap =
@@ -382,6 +353,19 @@ fn an_image_for_the_screen_has_the_levels_of_pt() {
     tonemap("t.exr").failed(1, &["t.exr", ".pgm or .png"]);
     tonemap("t.png -ebright").failed(2, &["bright", "--exposure"]);
     tonemap("t.png -tblue").failed(2, &["blue", "reinhard"]);
+    // The image of the errors says what white is.
+    let shown = said(&place, "stderr a.exr -o e.pgm", 0);
+    let white = shown.strip_prefix("white is a standard error of ");
+    let white: f64 = white.unwrap().trim().parse().unwrap();
+    assert!((white - 0.063).abs() < 0.001, "{white}");
+    let (.., levels) = pgm(&place.get("e.pgm"));
+    assert!(levels.contains(&255));
+    let shown = said(&place, "stderr a.exr -r -o r.pgm", 0);
+    assert!(shown.starts_with("white is a relative"), "{shown:?}");
+    let bare = Image { errors: None, ..place.image("a.exr") };
+    write(&place, "b.exr", &bare);
+    place.ptimg("stderr b.exr -o n.pgm").failed(1, &["b.exr", "stderr.Y"]);
+    assert!(!place.path("n.pgm").exists());
 }
 
 #[test]
@@ -436,23 +420,6 @@ fn three_bands_make_a_colour_image() {
     other.attributes.insert("band".into(), "b".into());
     write(&place, "2.exr", &other);
     rgb("-of.png").failed(1, &["2.exr: it is of --band b, not g"]);
-}
-
-#[test]
-fn the_image_of_the_errors_says_what_white_is() {
-    let place = Scratch::new();
-    let image = put(&place, "a.exr", 1, 0.5);
-    let shown = said(&place, "stderr a.exr -o e.pgm", 0);
-    let white = shown.strip_prefix("white is a standard error of ");
-    let white: f64 = white.unwrap().trim().parse().unwrap();
-    assert!((white - 0.063).abs() < 0.001, "{white}");
-    let (.., levels) = pgm(&place.get("e.pgm"));
-    assert!(levels.contains(&255));
-    let shown = said(&place, "stderr a.exr -r -o r.pgm", 0);
-    assert!(shown.starts_with("white is a relative"), "{shown:?}");
-    write(&place, "b.exr", &Image { errors: None, ..image });
-    place.ptimg("stderr b.exr -o n.pgm").failed(1, &["b.exr", "stderr.Y"]);
-    assert!(!place.path("n.pgm").exists());
 }
 
 /// An image of the pixel 1,0 of 40x30, as a renderer writes it that was

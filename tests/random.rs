@@ -4,23 +4,23 @@
 //! What holds of all scenes and cameras, tried by chance (chapter "Stiff and
 //! extreme cases"). `make fuzz` goes on for a minute.
 
-mod paths;
-mod twofold;
-
 use crate::prelude::*;
 
 use std::array::from_fn;
 use std::env;
+use std::sync::atomic::AtomicUsize;
 use std::sync::{LazyLock, Mutex};
 
 use crate::bvh::apart;
 use glam::DQuat;
 use litpt::analysis::{LitView, SHORTCUTS};
 use litpt::sensor::Sensor;
-use litpt_book::escapes::uniform;
-use paths::Mixture;
+use litpt_book::escapes::{point, uniform};
+use litpt_book::oracle::{Mixture, Seen, Shape, power};
 use proptest::collection::vec;
-use proptest::prelude::{BoxedStrategy, Just, Strategy, any, prop_oneof};
+use proptest::prelude::{
+    BoxedStrategy, Just, Strategy, any, prop_compose, prop_oneof,
+};
 use proptest::sample::select;
 use proptest::test_runner::{Config, RngSeed, TestCaseError, TestRunner};
 use rand::seq::IndexedRandom;
@@ -34,10 +34,9 @@ struct Case {
     objects: Vec<(Shape, f64, DQuat)>,
     /// Triangles with corners of all kinds, mostly none.
     wild: Vec<Triangle>,
-    /// By what all is stretched, moved and scaled.
-    stretch: DVec3,
+    /// By what all is scaled and then moved.
+    factor: DVec3,
     offset: DVec3,
-    size: f64,
     albedo: f64,
     resolution: (u32, u32),
     samples: u64,
@@ -47,33 +46,20 @@ struct Case {
     seed: u64,
 }
 
-/// What has been tried so far.
+/// How many cases have been tried, and of what kind.
 #[derive(Debug, Default)]
 struct Tally {
-    cases: usize,
-    /// Cameras that were refused, images that are dark, and those that were
-    /// made again at another scale.
-    refused: usize,
-    dark: usize,
-    scaled: usize,
-    /// Rays in mixtures of scales, and those whose first hit was the only one
-    /// that is allowed.
-    rays: usize,
-    certain: usize,
-    /// Points of paths inside a closed solid.
-    inside: usize,
-    /// Paths that were given up because of a wall along the ray.
-    excused: usize,
+    cases: AtomicUsize,
+    /// Cameras that were refused.
+    refused: AtomicUsize,
+    /// Images from inside a closed solid.
+    dark: AtomicUsize,
+    /// Images that were made again at another scale.
+    scaled: AtomicUsize,
+    paths: Mutex<Seen>,
 }
 
 // -------------------------------------------------------------------- Shapes
-
-/// Something of about unit size, with points inside if it is closed.
-#[derive(Clone, Debug)]
-struct Shape {
-    triangles: Vec<Triangle>,
-    inside: Vec<DVec3>,
-}
 
 /// Those of the book that are small and have no cracks.
 static CLOSED: LazyLock<Vec<Shape>> = LazyLock::new(|| {
@@ -89,19 +75,17 @@ static CLOSED: LazyLock<Vec<Shape>> = LazyLock::new(|| {
 });
 
 /// A point of a cube around the origin.
-fn point() -> impl Strategy<Value = DVec3> + Clone {
+fn corner() -> impl Strategy<Value = DVec3> + Clone {
     [-1f64..1., -1f64..1., -1f64..1.].prop_map(DVec3::from)
 }
 
 fn corners() -> impl Strategy<Value = Triangle> + Clone {
-    [point(), point(), point()]
+    [corner(), corner(), corner()]
 }
 
 /// A power of ten.
-fn power(
-    exponents: std::ops::Range<f64>,
-) -> impl Strategy<Value = f64> + Clone {
-    exponents.prop_map(|exponent| 10f64.powf(exponent))
+fn ten_to(from: f64, to: f64) -> impl Strategy<Value = f64> + Clone {
+    (from..to).prop_map(|exponent| 10f64.powf(exponent))
 }
 
 fn open(
@@ -112,9 +96,9 @@ fn open(
 }
 
 fn shapes() -> impl Strategy<Value = Shape> {
-    let small = (point(), corners(), power(-12. ..0.))
+    let small = (corner(), corners(), ten_to(-12., 0.))
         .prop_map(|(at, corners, size)| corners.map(|p| at + size * p));
-    let needle = (point(), point(), point(), power(-20. ..0.))
+    let needle = (corner(), corner(), corner(), ten_to(-20., 0.))
         .prop_map(|(a, b, p, width)| [a, b, a + width * p]);
     // Few different coordinates: shared, coplanar and coincident triangles.
     let whole = || (-1..3).prop_map(f64::from);
@@ -130,7 +114,7 @@ fn shapes() -> impl Strategy<Value = Shape> {
     );
     // Each around the one before, about a corner or the middle.
     let tilt = select(vec![0., 1e-6, 0.1]);
-    let nested = (corners(), any::<bool>(), point(), tilt, 1..300)
+    let nested = (corners(), any::<bool>(), corner(), tilt, 1..300)
         .prop_map(|([a, b, c], in_corner, tilt, by, n)| {
             let about = if in_corner { a } else { (a + b + c) / 3. };
             let one = |i| {
@@ -141,7 +125,7 @@ fn shapes() -> impl Strategy<Value = Shape> {
             (1..=n).map(one).collect()
         });
     let strip =
-        (power(-9. ..0.), vec(0f64..1., 1..30)).prop_map(|(width, all)| {
+        (ten_to(-9., 0.), vec(0f64..1., 1..30)).prop_map(|(width, all)| {
             let all = (0..).map(f64::from).zip(all);
             let two = |(i, y): (f64, f64)| {
                 let at = |x, z| DVec3::new(x / 16. - 1., y * width, z);
@@ -183,258 +167,219 @@ fn number() -> impl Strategy<Value = f64> + Clone {
 /// A positive factor of any size.
 fn size() -> impl Strategy<Value = f64> {
     prop_oneof![
-        Just(1.),
-        power(-6. ..6.),
-        power(-307. ..298.),
-        (-1022..990).prop_map(|exponent| 2f64.powi(exponent)),
+        3 => Just(1.),
+        1 => ten_to(-6., 6.),
+        1 => ten_to(-307., 298.),
+        1 => (-1022..990).prop_map(|exponent| 2f64.powi(exponent)),
     ]
 }
 
-fn cases() -> impl Strategy<Value = Case> {
-    let still = Just(DQuat::IDENTITY);
-    let turn = (point(), 0f64..7.).prop_map(|(axis, angle)| {
+fn turn() -> impl Strategy<Value = DQuat> {
+    let turn = (corner(), 0f64..7.).prop_map(|(axis, angle)| {
         DQuat::from_axis_angle(axis.normalize_or(DVec3::X), angle)
     });
-    let turn = prop_oneof![still, turn];
-    let objects = vec((shapes(), power(-12. ..12.), turn), 1..7);
-    let wild = || [number(), number(), number()].prop_map(DVec3::from);
-    let wild = vec([wild(), wild(), wild()], 1..60);
-    let flat = [DVec3::new(1., 1., 1e-6), DVec3::new(1e-9, 1., 1.)];
-    let far = select(vec![1., 1e3, 1e7, 2f64.powi(40), 1e14]);
-    let large = (1..25u32, 1..25u32);
-    let resolution = prop_oneof![
-        1 => Just((16384, 1)),
-        1 => Just((1, 16384)),
-        4 => Just((1, 1)),
-        34 => large,
-    ];
-    let albedo = select(vec![
-        0.,
-        5e-324,
-        1e-300,
-        1e-16,
-        0.1,
-        0.5,
-        0.9,
-        0.999,
-        1. - 1e-6,
-        1.,
-    ]);
-    let scene = (
-        objects,
-        prop_oneof![9 => Just(vec![]), 1 => wild],
-        prop_oneof![8 => Just(DVec3::ONE), 2 => select(flat.to_vec())],
-        prop_oneof![
-            5 => Just(DVec3::ZERO),
-            2 => (point(), far).prop_map(|(p, far)| p * far),
+    prop_oneof![Just(DQuat::IDENTITY), turn]
+}
+
+const ALBEDOS: [f64; 10] =
+    [0., 5e-324, 1e-300, 1e-16, 0.1, 0.5, 0.9, 0.999, 1. - 1e-6, 1.];
+const STRETCHES: [DVec3; 4] = [
+    DVec3::ONE,
+    DVec3::ONE,
+    DVec3::new(1., 1., 1e-6),
+    DVec3::new(1e-9, 1., 1.),
+];
+
+prop_compose! {
+    fn cases()(
+        objects in vec((shapes(), ten_to(-12., 12.), turn()), 1..7),
+        wild in prop_oneof![
+            9 => Just(vec![]),
+            1 => vec(vec(number(), 9), 1..60),
         ],
-        prop_oneof![Just(1.), size()],
-    );
-    let image = (
-        prop_oneof![2 => albedo, 1 => 0f64..1.],
-        resolution,
-        1..5u64,
-        select(vec![-200, -37, -1, 1, 37, 200]),
-        any::<u64>(),
-    );
-    (scene, image).prop_map(|(scene, image)| {
-        let (objects, wild, stretch, offset, size) = scene;
-        let (albedo, (width, height), samples, again, seed) = image;
+        stretch in select(&STRETCHES),
+        place in corner(),
+        far in select(&[0., 0., 0., 1., 1e3, 1e7, 1e12, 1e14]),
+        size in size(),
+        albedo in prop_oneof![2 => select(&ALBEDOS), 1 => 0f64..1.],
+        size_of_image in prop_oneof![
+            1 => select(&[(16384, 1), (1, 16384)]),
+            2 => Just((1, 1)),
+            17 => (1..25u32, 1..25u32),
+        ],
+        samples in 1..5u64,
+        again in select(&[-200, -37, -1, 1, 37, 200]),
+        seed in any::<u64>(),
+    ) -> Case {
         // A closed cavity takes a thousand rays for each path.
-        let is_long = albedo > 0.99;
-        let most = if is_long { 2 } else { u32::MAX };
-        let resolution = (width.min(most), height.min(most));
-        let is_large = width * height > 1000;
-        let samples = if is_long || is_large { 1 } else { samples };
+        let (width, height) = size_of_image;
+        let most = if albedo > 0.99 { 2 } else { u32::MAX };
+        let is_long = albedo > 0.99 || width * height > 1000;
+        let corner = |i: usize, x: &[f64]| DVec3::from_slice(&x[3 * i..]);
+        let triangle = |x: Vec<f64>| [0, 1, 2].map(|i| corner(i, &x));
         Case {
             objects,
-            wild,
-            stretch,
-            offset,
-            size,
+            wild: wild.into_iter().map(triangle).collect(),
+            factor: stretch * size,
+            offset: place * far * size,
             albedo,
-            resolution,
-            samples,
+            resolution: (width.min(most), height.min(most)),
+            samples: if is_long { 1 } else { samples },
             again,
             seed,
         }
-    })
-}
-
-/// A corner, or a point of an edge or of the triangle, up to rounding.
-fn on(&[a, b, c]: &Triangle, random: &mut Random) -> DVec3 {
-    let [s, t]: [f64; 2] = [random.random(), random.random()];
-    match random.random_range(0..5) {
-        0 => a,
-        1 => b,
-        2 => a + (b - a) * s,
-        3 => b + (c - b) * s,
-        _ => a + ((b - a) + (c - b) * t) * s,
     }
 }
 
-fn log_uniform(from: f64, to: f64, random: &mut Random) -> f64 {
-    10f64.powf(from + (to - from) * random.random::<f64>())
+/// One of some.
+fn any_of<T: Copy>(some: &[T], random: &mut Random) -> T {
+    some[random.random_range(0..some.len())]
 }
 
 impl Case {
     /// The shapes in their places: in most cases one touches another or the
     /// origin, where numbers are finest.
-    fn placed(&self, random: &mut Random) -> Vec<Shape> {
+    fn shapes(&self, random: &mut Random) -> Vec<Shape> {
         let mut all: Vec<(Shape, f64)> = vec![];
         for (shape, scale, turn) in &self.objects {
             let own = match random.random_range(0..4) {
                 0 => DVec3::ZERO,
-                _ => on(shape.triangles.choose(random).unwrap(), random),
+                _ => point(&shape.triangles, random),
             };
             let mut anchor = DVec3::ZERO;
             let other = all.choose(random);
             if let Some((other, size)) = other
                 && random.random_bool(0.6)
             {
-                let t = other.triangles.choose(random).unwrap();
-                anchor = on(t, random);
-                if random.random() {
-                    let size = if random.random() { size } else { scale };
-                    let away = size * log_uniform(-3., 1., random);
-                    anchor += uniform(random) * away;
-                }
+                let size = any_of(&[0., *size, *scale], random);
+                let away = uniform(random) * size * power(-3., 1., random);
+                anchor = point(&other.triangles, random) + away;
             }
             let is_lost = anchor.length() * 1e-14 > *scale;
             if is_lost && !random.random_bool(0.1) {
                 anchor = DVec3::ZERO;
             }
             let place = |p: DVec3| *turn * (p - own) * *scale + anchor;
-            let Shape { triangles, inside } = shape;
-            let triangles = triangles.iter().map(|t| t.map(place));
-            let inside = inside.iter().map(|p| place(*p));
-            let (triangles, inside) =
-                (triangles.collect(), inside.collect());
-            all.push((Shape { triangles, inside }, *scale));
+            all.push((moved(shape, place), *scale));
         }
-        let whole = |p: DVec3| {
-            let p = (p * self.stretch + self.offset) * self.size;
-            p.clamp(LEAST, -LEAST)
-        };
-        let whole = |(Shape { triangles, inside }, _)| Shape {
-            triangles: Vec::into_iter(triangles)
-                .map(|t: Triangle| t.map(whole))
-                .collect(),
-            inside: Vec::into_iter(inside).map(whole).collect(),
-        };
-        all.into_iter().map(whole).collect()
+        let place =
+            |p: DVec3| (p * self.factor + self.offset).clamp(LEAST, -LEAST);
+        all.iter().map(|(shape, _)| moved(shape, place)).collect()
     }
 
     /// A camera of any kind; often in a solid.
     fn view(&self, shapes: &[Shape], random: &mut Random) -> View {
-        let all: Vec<_> =
-            shapes.iter().flat_map(|s| &s.triangles).collect();
-        let inside: Vec<_> =
-            shapes.iter().flat_map(|s| &s.inside).collect();
-        let some = |random: &mut Random| all.choose(random).unwrap()[0];
-        let reach = |random: &mut Random| {
-            let corners = all.iter().flat_map(|t| t.iter());
-            let size = corners.map(|p| p.abs().max_element());
-            let size = size.fold(0., f64::max).min(1e300);
-            size * log_uniform(-20., 3., random)
+        let all = shapes.iter().flat_map(|s| &s.triangles);
+        let all: Vec<_> = all.copied().collect();
+        let inside = shapes.iter().flat_map(|s| &s.inside);
+        let inside = inside.copied().chain([point(&all, random)]);
+        let inside: Vec<_> = inside.collect();
+        let corners = all.as_flattened().iter();
+        let reach = corners.map(|p| p.abs().max_element());
+        let reach = reach.fold(0., f64::max).min(1e300);
+        let near = uniform(random) * reach * power(-20., 3., random);
+        let some = point(&all, random);
+        let far = DVec3::Z * any_of(&[1e300, -1e300, 1e308], random);
+        let position = [some, some * 1e9, some + near];
+        let position = match random.random_range(0..8) {
+            0..5 => any_of(&inside, random),
+            _ => any_of(&position, random).clamp(LEAST, -LEAST),
         };
-        let mut position =
-            match (inside.choose(random), random.random_range(0..8)) {
-                (Some(&&p), 0..5) => p,
-                (_, 0) => some(random) * 1e9,
-                (_, 1) => some(random),
-                (_, 2) => {
-                    [(); 3].map(|()| some(random) / 3.).into_iter().sum()
-                }
-                _ => some(random) + uniform(random) * reach(random),
-            };
-        position = position.clamp(LEAST, -LEAST);
-        let mut target = match random.random_range(0..8) {
-            0 => DVec3::Z * [1e300, -1e300, 1e308].choose(random).unwrap(),
-            1 => DVec3::ZERO,
-            2 => position + uniform(random) * position.length() * 1e-15,
-            3 => position + uniform(random) * reach(random),
-            _ => some(random),
+        let step = uniform(random) * position.length() * 1e-15;
+        let targets = [far, DVec3::ZERO, position + step, position + near];
+        let mut target = match random.random() {
+            true => point(&all, random),
+            false => any_of(&targets, random).clamp(LEAST, -LEAST),
         };
-        target = target.clamp(LEAST, -LEAST);
         if position == target {
             target = position + position.abs().max(DVec3::X);
         }
         let ahead = (0.5 * target - 0.5 * position).normalize_or_zero();
-        let mut up = match random.random_range(0..6) {
-            0 => {
-                ahead
-                    + uniform(random)
-                        * [1e-12, 1e-15, 0.][random.random_range(0..3)]
-            }
-            1 => uniform(random) * 1e-300,
-            2 => uniform(random),
-            _ => *[DVec3::Z, DVec3::Y, DVec3::X, -DVec3::Z]
-                .choose(random)
-                .unwrap(),
-        };
+        let any = uniform(random);
+        let along = ahead + any * any_of(&[1e-12, 1e-15, 0.], random);
+        let ups = [DVec3::Z, DVec3::Y, -DVec3::X, any, any * 1e-300, along];
         let fov = [1e-9, 5e-324, 1e-300, 179.999999, 180f64.next_down()];
-        let mut fov = match random.random_range(0..12) {
+        let fov = match random.random_range(0..12) {
             0 => 400. * random.random::<f64>() - 100.,
-            1 => 180. * random.random::<f64>(),
-            2..5 => *fov.choose(random).unwrap(),
+            1..5 => any_of(&fov, random),
             _ => 70.,
         };
-        let none = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
-        let none = *none.choose(random).unwrap();
-        let axis = random.random_range(0..3);
+        let up = any_of(&ups, random);
+        let mut view = View { position, target, up, fov };
+        let none = any_of(&[f64::NAN, f64::INFINITY], random);
         match random.random_range(0..120) {
-            0 => position[axis] = none,
-            1 => target[axis] = none,
-            2 => up[axis] = none,
-            3 => fov = none,
+            0 => view.position.y = none,
+            1 => view.target.z = none,
+            2 => view.up.x = -none,
+            3 => view.fov = none,
             _ => (),
         }
-        View { position, target, up, fov }
+        view
     }
 
     /// # Errors
     /// What is not as it should be.
-    fn check(&self) -> Result<Tally, String> {
-        let mut tally = Tally { cases: 1, ..Tally::default() };
+    fn check(&self, tally: &Tally) -> Result<(), String> {
+        let count = |of: &AtomicUsize, is_one: bool| {
+            of.fetch_add(is_one.into(), Relaxed);
+        };
+        count(&tally.cases, true);
         let random = &mut Random::seed_from_u64(self.seed);
-        let shapes = self.placed(random);
+        let shapes = self.shapes(random);
         let view = self.view(&shapes, random);
+        let View { position, target, up, fov } = view;
+        let all = [position, target, up, DVec3::splat(fov)];
+        let is_finite = all.iter().all(|v| v.is_finite());
+        if let Err(error) = Camera::new(&view, 1.) {
+            count(&tally.refused, true);
+            let error = error.to_string();
+            let is_strange = error.len() < 10 || error.contains('\n');
+            return if is_strange { Err(error) } else { Ok(()) };
+        } else if !is_finite {
+            return Err("a view that is not finite is seen".into());
+        }
         let triangles = shapes.iter().flat_map(|s| &s.triangles);
         let mesh = apart(triangles.chain(&self.wild).copied());
-        let View { position, target, up, fov } = view;
-        match Camera::new(&view, 1.) {
-            Ok(_) => {
-                let all = [position, target, up, DVec3::splat(fov)];
-                if !all.iter().all(|v| v.is_finite()) {
-                    return Err("a view that is not finite is seen".into());
-                }
-            }
-            Err(error) => {
-                tally.refused += 1;
-                let error = error.to_string();
-                if error.len() < 10 || error.contains('\n') {
-                    return Err(format!("a strange message: {error:?}"));
-                }
-                return Ok(tally);
-            }
-        }
         let mut is_dark = false;
         // Twice the precision of a double does not hold all numbers.
         if self.wild.is_empty() {
             let mut mixture = Mixture::new(&mesh, &shapes, random)?;
             is_dark = mixture.is_dark(position);
-            (0..100).try_for_each(|_| mixture.follow(&mut tally))?;
+            let seen = mixture.follow(100)?;
+            tally.paths.lock().unwrap().add(seen);
         }
-        tally.dark += usize::from(is_dark);
-        self.check_images(&mesh, &view, is_dark, &mut tally)?;
-        Ok(tally)
+        count(&tally.dark, is_dark);
+        self.check_images(&mesh, &view, is_dark)?;
+        // Scaled, no number may overflow or lose digits.
+        let numbers = mesh.vertices.iter().chain([&position, &target]);
+        let is_plain =
+            |x: f64| x == 0. || (1e-150..1e150).contains(&x.abs());
+        let is_plain = numbers.flat_map(|v| v.to_array()).all(is_plain);
+        count(&tally.scaled, is_plain);
+        if is_plain { self.check_scaled(&mesh, &view) } else { Ok(()) }
     }
+}
+
+/// A shape whose points are moved.
+fn moved(shape: &Shape, place: impl Fn(DVec3) -> DVec3) -> Shape {
+    let triangles = shape.triangles.iter().map(|t| t.map(&place));
+    let inside = shape.inside.iter().map(|&p| place(p));
+    Shape { triangles: triangles.collect(), inside: inside.collect() }
 }
 
 const LEAST: DVec3 = DVec3::splat(f64::MIN);
 
 // -------------------------------------------------------------------- Images
+
+const USUAL: (Isa, Quality) = (Isa::Portable, Quality::FAST);
+
+fn same(a: &Film, b: &Film, how: &str) -> Result<(), String> {
+    let pairs = a.pixels.iter().zip(&b.pixels);
+    match pairs.filter(|(a, b)| a != b).count() {
+        0 => Ok(()),
+        n => Err(format!("{how}: {n} pixels differ")),
+    }
+}
 
 impl Case {
     /// The image of a mesh, and the number of rays that it takes.
@@ -474,36 +419,26 @@ impl Case {
     }
 
     /// The image is the same whatever the instructions, the care of the
-    /// builder and what is left out; if all triangles are there twice, and if
-    /// scene and camera are scaled by a power of two.
+    /// builder and what is left out, and if all triangles are there twice.
     fn check_images(
         &self,
         mesh: &Mesh,
         view: &View,
         is_dark: bool,
-        tally: &mut Tally,
     ) -> Result<(), String> {
-        let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
-        let usual = (Isa::best(), Quality::FAST);
-        let (film, rays) = self.image(mesh, view, usual, &SHORTCUTS)?;
+        let (film, rays) = self.image(mesh, view, USUAL, &SHORTCUTS)?;
         self.judge(&film, rays, is_dark)?;
-        let same = |other: &Film, how: &str| {
-            let pairs = film.pixels.iter().zip(&other.pixels);
-            match pairs.filter(|(a, b)| a != b).count() {
-                0 => Ok(()),
-                n => Err(format!("{how}: {n} pixels differ")),
-            }
-        };
-        let others = isas.map(|isa| (isa, Quality::FAST));
-        for way in others.chain([(Isa::best(), Quality::THOROUGH)]) {
+        let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
+        let ways = isas.map(|isa| (isa, Quality::FAST));
+        for way in ways.chain([(Isa::Portable, Quality::THOROUGH)]) {
             let (other, more) = self.image(mesh, view, way, &SHORTCUTS)?;
-            same(&other, &format!("{} {}", way.0, way.1))?;
+            same(&film, &other, &format!("{} {}", way.0, way.1))?;
             if more != rays {
                 return Err(format!("{more} rays instead of {rays}"));
             }
         }
-        let image = |mesh, view| self.image(mesh, view, usual, &SHORTCUTS);
-        same(&self.image(mesh, view, usual, &[])?.0, "with shortcuts")?;
+        let simple = self.image(mesh, view, USUAL, &[])?.0;
+        same(&film, &simple, "with shortcuts")?;
         let mut twice = mesh.clone();
         let turned = mesh.triangles.iter().map(|&[a, b, c]| match a % 9 {
             0 => [b, a, c],
@@ -511,22 +446,21 @@ impl Case {
             _ => [b, c, a],
         });
         twice.triangles.extend(turned);
-        same(&image(&twice, view)?.0, "each triangle twice")?;
-        // No number may overflow or lose digits.
-        let View { position, target, .. } = *view;
-        let numbers = mesh.vertices.iter().chain([&position, &target]);
-        let is_plain =
-            |x: f64| x == 0. || (1e-150..1e150).contains(&x.abs());
-        if !numbers.flat_map(|v| v.to_array()).all(is_plain) {
-            return Ok(());
-        }
-        tally.scaled += 1;
+        let twice = self.image(&twice, view, USUAL, &SHORTCUTS)?.0;
+        same(&film, &twice, "each triangle twice")
+    }
+
+    /// The image is the same if all is scaled by a power of two.
+    fn check_scaled(&self, mesh: &Mesh, view: &View) -> Result<(), String> {
+        let film = self.image(mesh, view, USUAL, &SHORTCUTS)?.0;
         let factor = 2f64.powi(self.again);
-        let mut scaled = mesh.clone();
-        scaled.vertices.iter_mut().for_each(|v| *v *= factor);
-        let [position, target] = [position, target].map(|p| p * factor);
+        let mut mesh = mesh.clone();
+        mesh.vertices.iter_mut().for_each(|v| *v *= factor);
+        let [position, target] =
+            [view.position, view.target].map(|p| p * factor);
         let view = &View { position, target, ..*view };
-        same(&image(&scaled, view)?.0, &format!("scaled by {factor:e}"))
+        let scaled = self.image(&mesh, view, USUAL, &SHORTCUTS)?.0;
+        same(&film, &scaled, &format!("scaled by {factor:e}"))
     }
 
     /// What must be true of any image. A weight is above 1 only if its path
@@ -562,9 +496,8 @@ impl Case {
 
 // ------------------------------------------------------------------ The test
 
-/// Tries the cases of a seed, adds up what they were, and fails with the
-/// smallest that is wrong.
-fn try_cases(seed: u64, sum: &Mutex<Tally>) {
+/// Tries the cases of a seed, and fails with the smallest that is wrong.
+fn try_cases(seed: u64, tally: &Tally) {
     let config = Config {
         cases: 16,
         failure_persistence: None,
@@ -574,58 +507,41 @@ fn try_cases(seed: u64, sum: &Mutex<Tally>) {
     };
     let result = TestRunner::new(config).run(&cases(), |case| {
         let start = Instant::now();
-        let tally = case.check().map_err(TestCaseError::fail)?;
-        if start.elapsed() > Duration::from_secs(300) {
-            return Err(TestCaseError::fail("it takes too long"));
-        }
-        let mut sum = sum.lock().unwrap();
-        sum.cases += tally.cases;
-        sum.refused += tally.refused;
-        sum.dark += tally.dark;
-        sum.scaled += tally.scaled;
-        sum.rays += tally.rays;
-        sum.certain += tally.certain;
-        sum.inside += tally.inside;
-        sum.excused += tally.excused;
-        Ok(())
+        case.check(tally).map_err(TestCaseError::fail)?;
+        let is_slow = start.elapsed() > Duration::from_secs(300);
+        let slow = || Err(TestCaseError::fail("it takes too long"));
+        if is_slow { slow() } else { Ok(()) }
     });
-    if let Err(finding) = result {
-        panic!("seed {seed}: {finding}");
-    }
+    result.unwrap_or_else(|finding| panic!("seed {seed}: {finding}"));
 }
 
-/// Eight seeds, and more as long as FUZZ_SECONDS are not over, which begin
-/// with FUZZ_SEED.
+/// Eight seeds, and more until FUZZ_SECONDS are over, from FUZZ_SEED on.
 #[test]
 fn scenes_and_cameras_by_chance_are_rendered_as_all_should_be() {
-    let given = |name| {
-        let value = env::var(name).ok()?;
-        Some(value.parse::<u64>().expect(name))
-    };
+    let given = |name| Some(env::var(name).ok()?.parse().expect(name));
     let (seconds, first) = (given("FUZZ_SECONDS"), given("FUZZ_SEED"));
     let end = Instant::now() + Duration::from_secs(seconds.unwrap_or(0));
-    let (sum, mut seed) = (Mutex::default(), first.unwrap_or(1));
+    let (tally, mut seed) = (Tally::default(), first.unwrap_or(1));
     loop {
         // If the process dies, these are to blame.
         seconds.inspect(|_| eprintln!("seeds from {seed} on"));
-        let seeds = seed..seed + 8;
-        seeds.into_par_iter().for_each(|seed| try_cases(seed, &sum));
+        let seeds = (seed..seed + 8).into_par_iter();
+        seeds.for_each(|seed| try_cases(seed, &tally));
         seed += 8;
         if Instant::now() >= end {
             break;
         }
     }
-    let sum = sum.into_inner().unwrap();
-    println!("{sum:#?}");
-    let Tally { cases, refused, dark, scaled, .. } = sum;
-    assert!(cases > 100 && dark > 9 && scaled > 30, "{sum:?}");
-    assert!(refused > 0 && 3 * refused < cases, "{sum:?}");
+    println!("{tally:#?}");
+    let of = |count: &AtomicUsize| count.load(Relaxed);
+    let (cases, refused) = (of(&tally.cases), of(&tally.refused));
+    assert!(of(&tally.dark) > 9 && of(&tally.scaled) > 30, "{tally:?}");
+    assert!(refused > 0 && 3 * refused < cases, "{tally:?}");
     // Where several answers are allowed, a wrong one may be among them.
-    assert!(2 * sum.certain > sum.rays, "{sum:?}");
+    let Seen { rays, certain, inside, excused } =
+        *tally.paths.lock().unwrap();
+    assert!(2 * certain > rays, "{certain} of {rays}");
     // A leak at one point of a thousand would go unnoticed with a probability
     // of 0.05, and so few paths are given up.
-    assert!(
-        sum.inside >= 3000 && 1000 * sum.excused <= sum.inside,
-        "{sum:?}"
-    );
+    assert!(inside >= 3000 && 1000 * excused <= inside, "{tally:?}");
 }

@@ -91,45 +91,43 @@ fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
         .map(|part| report[part].as_f64().unwrap());
     assert!(own.iter().sum::<f64>() <= wall);
     assert!(place.path("a.exr").exists());
-}
-
-#[test]
-fn there_is_always_time_for_one_sample() {
-    let place = Scratch::new();
-    let short =
-        format!("{SCENE} {FILES} -n18446744073709551615 --time=1e-9");
+    // There is always time for one sample.
+    let most = "-n18446744073709551615 --time=1e-9";
+    let short = format!("-f {SCENE} {FILES} {most}");
     assert_eq!(place.line(&format!("-q {short}")).stderr, "");
     let report = complete(&place, "time");
     assert_eq!((spp(&report), steps(&report).len()), (1, 1));
     assert_eq!(report["rmse"], Value::Null);
     assert_eq!(report["mean_stderr"], Value::Null);
-    let run = place.done(&format!("-f {short}"));
+    let run = place.done(&short);
     let warning = "warning: to load, to build and to make one sample";
     assert!(run.stderr.contains(warning), "{}", run.stderr);
 }
 
+/// And each of several reports is written.
 #[test]
-fn the_number_of_samples_bounds_a_run_with_other_limits() {
-    for (limits, n) in [
-        ("-n13 --time=1e300", 13),
-        ("-n13 --error=1e-9 --time=1000", 13),
-        ("", 1),
-    ] {
-        let place = Scratch::new();
-        pt(&place, &format!("{FILES} {limits}")).succeeded();
-        let report = complete(&place, "samples");
-        assert_eq!(report["settings"]["spp"], n);
-        assert_eq!(spp(&report), n);
-    }
-}
-
-#[test]
-fn an_error_limit_is_kept_and_said() {
+fn a_run_ends_at_the_first_of_its_limits_and_says_which() {
     let place = Scratch::new();
-    let limits = "-n1000000 --time=1000 --error=0.023";
-    pt(&place, &format!("{FILES} {limits}")).succeeded();
-    let report = complete(&place, "error");
-    assert!(report["rmse"].as_f64() <= Some(0.023));
+    for (limits, stop, n) in [
+        ("-n13 --time=1e300", "samples", json!(13)),
+        ("-n13 --error=1e-9 --time=1000", "samples", json!(13)),
+        ("", "samples", json!(1)),
+        ("-n1000000 --time=1000 --error=0.023", "error", json!(1000000)),
+    ] {
+        let reports = "--report=s.json --report=t.csv";
+        pt(&place, &format!("{FILES} {reports} {limits} -f")).succeeded();
+        let report = complete(&place, stop);
+        assert_eq!(report["settings"]["spp"], n);
+        match stop {
+            "error" => assert!(report["rmse"].as_f64() <= Some(0.023)),
+            _ => assert_eq!(json!(spp(&report)), n),
+        }
+        assert_eq!(place.get("r.json"), place.get("s.json"));
+        assert!(!place.get("t.csv").is_empty());
+        let files = ["a.exr", "a.pfm", "r.json", "s.json", "t.csv"];
+        place.holds_only(&files);
+    }
+    let report = place.json("r.json");
     assert_eq!(report["settings"]["error"], 0.023);
 }
 
@@ -284,7 +282,7 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
     let place = Scratch::new();
     place.put("box.obj", BOX);
     let all = format!(
-        "-q -ibox.obj -n2 --keep-all {FILES} -r.99 --integrator=reference"
+        "-ibox.obj -n2 --keep-all {FILES} -r.99 --integrator=reference"
     );
     for (more, status, why) in [
         ("-d2048x1536", 130, "signal"),
@@ -297,7 +295,11 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
             thread::sleep(Duration::from_millis(1000));
             signal("INT", &child);
         }
-        assert_eq!(finish(child).status, Some(status));
+        let run = finish(child);
+        assert_eq!(run.status, Some(status));
+        // To summarise so many pixels takes longer than to answer.
+        let answer = "> finishing; a second signal aborts";
+        assert_eq!(run.stderr.contains(answer), why == "signal");
         let report = place.json("r.json");
         assert_eq!(report["stopped"], why);
         assert!(report["rays"].as_u64() > Some(0));
@@ -325,20 +327,6 @@ fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
     place.holds_only(&[]);
 }
 
-#[test]
-fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
-    let place = Scratch::new();
-    let mut child = start(&place, 10, "");
-    child.0.kill().unwrap();
-    finish(child);
-    let report = place.json("r.json");
-    assert_eq!(report["stopped"], Value::Null);
-    assert!(steps(&report).len() >= 6);
-    assert!(report["rmse"].as_f64() > Some(0.));
-    assert!(report["rays"].as_u64() > Some(10 * 23 * 17));
-    assert!(!place.path("a.exr").exists());
-}
-
 /// A test in a process that ignores what a terminal sends, as one that nohup
 /// or a script has begun.
 #[test]
@@ -359,7 +347,7 @@ fn no_run_outlives_its_test() {
     for is_guarded in [true, false] {
         let (place, mut id) = (Scratch::new(), 0);
         let test = || {
-            let child = start(&place, 1, "");
+            let child = start(&place, 10, "");
             id = child.0.id();
             assert!(!is_guarded, "as it should");
             std::mem::forget(child);
@@ -374,60 +362,17 @@ fn no_run_outlives_its_test() {
             );
             thread::sleep(Duration::from_millis(1));
         }
+        // It leaves a readable report, and no image.
+        let report = place.json("r.json");
+        assert_eq!(report["stopped"], Value::Null);
+        assert!(steps(&report).len() >= 6);
+        assert!(report["rmse"].as_f64() > Some(0.));
+        assert!(report["rays"].as_u64() > Some(10 * 23 * 17));
+        assert!(!place.path("a.exr").exists());
     }
 }
 
-// ---------------------------------------------------------------- The places
-
-#[test]
-fn a_report_that_cannot_be_written_is_refused_before_the_scene_is_read() {
-    let place = Scratch::new();
-    place.put("r.json", "old");
-    for (report, words) in [
-        ("r.json", "the file exists; overwrite it with -f"),
-        ("r", ".json, .csv or .html"),
-        ("r.json.gz", ".json, .csv or .html"),
-    ] {
-        let run = format!("-imissing.obj -oa.pgm --report {report}");
-        place.line(&run).failed(1, &[report, words]);
-    }
-    assert_eq!(place.get("r.json"), b"old");
-    place.holds_only(&["r.json"]);
-    pt(&place, &format!("{FILES} -f")).succeeded();
-    complete(&place, "samples");
-}
-
-#[test]
-fn no_file_may_serve_two_purposes() {
-    let place = Scratch::new();
-    std::os::unix::fs::symlink("room.obj", place.path("link.pgm")).unwrap();
-    for files in [
-        "--report=r.json --report=r.json -f",
-        "-or.json --checkpoint=r.json",
-        "--reference=r.json --report=r.json -f",
-        "--checkpoint=./r.json --report=r.json -f",
-        "-or.json --checkpoint=.//r.json",
-    ] {
-        place.line(files).failed(1, &["r.json", "named twice"]);
-    }
-    for output in ["-olink.pgm", "--checkpoint=room.obj"] {
-        pt(&place, &format!("-f -oa.pgm {output}"))
-            .failed(1, &["named twice"]);
-    }
-    assert_eq!(place.text("room.obj"), ROOM);
-    place.holds_only(&["link.pgm"]);
-}
-
-#[test]
-fn each_of_several_reports_is_written() {
-    let place = Scratch::new();
-    let more = "--report=s.json --report=t.csv -n5";
-    pt(&place, &format!("{FILES} {more}")).succeeded();
-    complete(&place, "samples");
-    assert_eq!(place.get("r.json"), place.get("s.json"));
-    assert!(!place.get("t.csv").is_empty());
-    place.holds_only(&["a.exr", "a.pfm", "r.json", "s.json", "t.csv"]);
-}
+// ------------------------------------------------------------ What does not fit
 
 /// Warnings before the end, one error at the end, and each of the names
 /// of the files that could not be written in a warning.
@@ -447,7 +392,7 @@ fn warned(run: &Run, names: &[&str]) {
 }
 
 #[test]
-fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
+fn what_does_not_fit_costs_neither_the_image_nor_the_rest() {
     let place = Scratch::new();
     let scene = "-iroom.obj -d41x30";
     let files = "-oa.pgm --report=r.json --checkpoint=c";
@@ -466,13 +411,9 @@ fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
     assert_eq!(place.get("c"), old);
     assert_eq!(place.get("a.pgm"), whole);
     place.holds_only(&["a.pgm", "b.pgm", "c", "r.json"]);
-}
-
-#[test]
-fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
+    // Neither fits here.
     let place = Scratch::new();
-    let files = "-oa.pgm --report=r.json --checkpoint=c --every=1e-9";
-    let run = format!("-iroom.obj -d9x7 -n40 {files}");
+    let run = format!("-iroom.obj -d9x7 -n40 {files} --every=1e-9");
     warned(&place.within("-f 1", &run), &["r.json", "c"]);
     assert_eq!(place.get("a.pgm"), place.render("-d9x7 -n40"));
     place.holds_only(&["a.pgm"]);
@@ -501,47 +442,13 @@ fn every_point_says_its_true_error_against_the_reference() {
     pt(&place, &format!("{FILES} -f -n3")).succeeded();
     let report = place.json("r.json");
     assert!(steps(&report)[2].get("rmse_reference").is_none());
-}
-
-#[test]
-fn a_reference_with_the_seed_of_the_run_is_worth_a_warning() {
-    let place = Scratch::new();
-    pt(&place, "-n3 -s77 -otruth.exr").succeeded();
+    // One of the same seed is worth a warning.
     let warnings = |seed| {
         let files = "-oa.pgm -f --reference=truth.exr";
-        // Not quiet, as warnings are no errors.
         let run = place.done(&format!("{SCENE} {files} -n3 -s{seed}"));
-        let lines = run.stderr.lines();
-        let of_seed = "warning: the reference has the seed";
-        lines.filter(|line| line.starts_with(of_seed)).count()
+        run.stderr.matches("warning: the reference has the seed").count()
     };
     assert_eq!([77, 7, 8].map(warnings), [1, 0, 0]);
-}
-
-#[test]
-fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
-    let place = Scratch::new();
-    pt(&place, "-otruth.exr -otruth.pfm -olevels.png").succeeded();
-    let (exr, mut nan) = (place.get("truth.exr"), place.get("truth.pfm"));
-    let end = nan.len();
-    nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
-    place.put("nan.pfm", nan);
-    place.put("short.exr", &exr[..exr.len() / 2]);
-    let names = place.names();
-    let size = "is 23x17 pixels large, and the image 17x23";
-    for (name, width, height, word) in [
-        ("truth.exr", 17, 23, size),
-        ("truth.pfm", 17, 23, size),
-        ("short.exr", 23, 17, "short.exr"),
-        ("nan.pfm", 23, 17, "not finite numbers: 1, the first at 22,0"),
-        ("levels.png", 23, 17, "grey levels"),
-        ("none.exr", 23, 17, "cannot read"),
-    ] {
-        let files = format!("-imissing.obj -oa.pgm --reference={name}");
-        let run = format!("-q {files} -d{width}x{height}");
-        place.line(&run).failed(1, &[name, word]);
-        assert_eq!(place.names(), names);
-    }
 }
 
 // --------------------------------------------------------------- The formats
@@ -580,26 +487,6 @@ fn standard_output_has_the_bytes_of_the_file_in_each_format() {
         ("stopped", "samples"),
     ] {
         assert_eq!(one.attributes[name], value, "{name}");
-    }
-}
-
-#[test]
-fn each_file_that_cannot_be_written_is_named() {
-    let place = Scratch::new();
-    let files = "-iroom.obj -n2 -d512x384 -oa.pgm -ob.pfm";
-    place.within("-f 64", files).failed(1, &["a.pgm", "b.pfm"]);
-    place.holds_only(&[]);
-}
-
-#[test]
-fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
-    let place = Scratch::new();
-    let run = "-iroom.obj -d9x7 --checkpoint=c";
-    place.done(&format!("{run} -n5"));
-    for (n, enough) in [("", true), ("-n4", true), ("-n6", false)] {
-        let said = place.done(&format!("{run} --resume=c {n}")).stderr;
-        assert_eq!(said.contains("c: holds 5"), enough, "{said}");
-        assert_eq!(said.contains("holds"), enough, "{said}");
     }
 }
 
@@ -643,17 +530,4 @@ fn a_preview_grows_while_the_image_is_rendered() {
     signal("INT", &child);
     assert_eq!(finish(child).status, Some(130));
     place.holds_only(&["a.pfm", "a.png"]);
-}
-
-#[test]
-fn a_signal_is_answered() {
-    let place = Scratch::new();
-    // To summarise so many pixels takes longer than to answer.
-    let words = format!("{SCENE} {FILES} -n1000000000 -d1500x1500");
-    let mut child = spawn(&mut place.pt(&words));
-    wait_until(&mut child, "report", || place.path("r.json").exists());
-    signal("INT", &child);
-    let run = finish(child);
-    let answer = "> finishing; a second signal aborts";
-    assert!(run.stderr.starts_with(answer), "{}", run.stderr);
 }

@@ -8,7 +8,9 @@ use crate::prelude::*;
 
 use std::fmt::Write;
 
-use litpt::sensor::read_points;
+use litpt::analysis::LitView;
+use litpt::integrator::gather::cache::Grid;
+use litpt::sensor::{Receivers, Sensor, Side, read_points};
 
 #[allow(dead_code)]
 #[path = "../examples/occlusion.rs"]
@@ -33,6 +35,73 @@ fn table(place: &Scratch, line: &str) -> (String, Vec<[f64; 2]>) {
     values(&place.free(line).succeeded().stdout)
 }
 
+/// What receivers of a scene get without the program, in their order, with
+/// the errors; under a sky and above a ground, if there is one.
+fn lit(
+    mesh: &Mesh,
+    (albedo, named): (f64, &[(&str, f64)]),
+    (sky, ground): (Sky, Option<f64>),
+    receivers: impl Fn(&Scene) -> Receivers,
+    (method, n): (Method, u64),
+) -> Vec<[f64; 2]> {
+    let scene = Scene::new(mesh);
+    let mut receivers = receivers(&scene);
+    let Scene { frame, triangles, .. } = scene;
+    let bvh = Bvh::of(triangles, Quality::FAST, Isa::best(), &|_| ());
+    let mut bvh = bvh.unwrap();
+    bvh.set_ground(ground.map(|_| sky.zenith));
+    let grid = Grid::around(&receivers.middles());
+    let around = (&bvh, &frame, sky.zenith, false);
+    receivers.order(around, |hit| grid.order(hit));
+    let named_albedos =
+        named.iter().map(|(name, a)| (name.to_string(), *a)).collect();
+    let named = Named { named_albedos, ..Named::default() };
+    let faces = FaceAlbedos::new(&mesh.marks, &named, albedo).unwrap();
+    let albedos = &AlbedoTable::new(&faces, &bvh).unwrap();
+    let (asked, numbers) = (receivers.asked, receivers.numbers.clone());
+    let resolution = (1, numbers.len() as u32);
+    let sensor = &Sensor::Receivers(receivers);
+    let surfaces = Surfaces::new(albedos, ground);
+    let view = &LitView { sensor, sky, surfaces, resolution };
+    let analysis = &SceneAnalysis::default();
+    let setup = Setup { intersector: &bvh, view: *view, analysis };
+    let pixels = Pixels { area: numbers.len() as u64, is_list: true };
+    let sampling = Sampling::new(method, 0, Some(n), pixels);
+    let window = Window { corner: (0, 0), size: resolution };
+    let mut film = sampling.film(Film::cropped(resolution, window, true));
+    let mut renderer =
+        setup.renderer(&sampling, Arc::default(), &SingleProcess);
+    renderer.pass(&mut film, n, &|_| true);
+    let errors = film.errors(NEIGHBOUR_WEIGHT, window);
+    let mut all = vec![[f64::NAN; 2]; asked];
+    for (i, value) in numbers.iter().zip(film.means().zip(errors)) {
+        all[*i as usize] = value.into();
+    }
+    all
+}
+
+/// The vertices of a scene, its faces on these sides, and points.
+fn vertices(scene: &Scene) -> Receivers {
+    Receivers::vertices(&scene.triangles)
+}
+
+fn faces(mesh: &Mesh, side: Side) -> impl Fn(&Scene) -> Receivers {
+    move |scene| {
+        let place = |i: u32| scene.triangles.vertices[i as usize];
+        let triangles = mesh.triangles.iter().map(|t| t.map(place));
+        Receivers::faces(triangles, &mesh.faces(), side.backs())
+    }
+}
+
+fn points(all: &[(DVec3, DVec3)]) -> impl Fn(&Scene) -> Receivers {
+    let all: Vec<_> = all.iter().map(|&(p, n)| (p, n, 0)).collect();
+    move |scene| Receivers::points(&all, &scene.frame)
+}
+
+fn mesh_of(text: &str) -> Mesh {
+    read_obj(text.as_bytes()).unwrap()
+}
+
 /// A triangle that hardly anything sees.
 const SPECK: &str = "v 0 0 0\nv 1e-3 0 0\nv 0 1e-3 0\nf 1 2 3\n";
 
@@ -41,12 +110,6 @@ fn normals() -> Vec<DVec3> {
     let turn = |k: i32| f64::from(k) * PI / 6.;
     let tilted = |k| DVec3::new(turn(k).sin(), 0.3, turn(k).cos());
     (0..12).map(|k| tilted(k).normalize()).collect()
-}
-
-/// A list of points with these normals at (`x`, 3, 5).
-fn list(normals: &[DVec3]) -> String {
-    let line = |n: &DVec3| format!("2 3 5 {} {} {}\n", n.x, n.y, n.z);
-    normals.iter().map(line).collect()
 }
 
 // The mean of a product of cosines over a lune, by sums over a sphere.
@@ -78,27 +141,24 @@ fn a_surface_gets_the_integral_of_the_sky() {
 #[test]
 fn points_in_the_open_get_what_sky_and_ground_give() {
     let chance = &mut Chance::default();
-    let place = Scratch::new();
-    place.put("speck.obj", SPECK);
-    place.put("points.txt", list(&normals()));
-    for (options, cover, ground) in [
-        ("", Cover::Uniform, 0.),
-        ("--sky=overcast", Cover::Overcast, 0.),
-        ("--ground=0.6", Cover::Uniform, 0.6),
-        ("--ground=1 --sky=overcast", Cover::Overcast, 1.),
+    let speck = &mesh_of(SPECK);
+    let at = DVec3::new(2., 3., 5.);
+    let all: Vec<_> = normals().into_iter().map(|n| (at, n)).collect();
+    for (cover, ground) in [
+        (Cover::Uniform, None),
+        (Cover::Overcast, None),
+        (Cover::Uniform, Some(0.6)),
+        (Cover::Overcast, Some(1.)),
     ] {
-        for method in ["reference", "sobol", "gather"] {
-            let line = "speck.obj --points=points.txt -n1024 -r0.5";
-            let line = format!("{line} --integrator={method} {options}");
-            let (head, found) = table(&place, &line);
-            assert!(head.starts_with("x,y,z,nx,ny,nz,value,"));
-            assert_eq!(found.len(), 12);
+        for method in Method::ALL {
             let sky = Sky::with(DVec3::Z, cover);
+            let (how, light) = ((method, 1024), (sky, ground));
+            let found = lit(speck, (0.5, &[]), light, points(&all), how);
             for (value, normal) in found.into_iter().zip(normals()) {
-                let from_below = ground * (0.5 - 0.5 * normal.z);
+                let below = ground.unwrap_or(0.) * (0.5 - 0.5 * normal.z);
                 chance.judge(
                     value,
-                    sky.irradiance_ratio(normal) + from_below,
+                    sky.irradiance_ratio(normal) + below,
                     16.,
                 );
             }
@@ -182,18 +242,13 @@ fn rim(f: f64) -> Vec<DVec3> {
 #[test]
 fn a_face_sees_the_sky_beside_an_opposite_wall() {
     let chance = &mut Chance::default();
-    let place = Scratch::new();
-    place.put(
-        "street.obj",
+    let mesh = mesh_of(
         "v 0 0 0\nv 0 1 0\nv 0 1 1\nv 0 0 1\nf 1 2 3 4\n\
          v 2 -40 0\nv 2 40 0\nv 2 40 3\nv 2 -40 3\nf 5 6 7 8\nf 1 1 2\n",
     );
-    let run = place.free("street.obj --faces=both -r0 -n4096").succeeded();
-    assert!(run.stderr.contains(
-        "no value for 2 of 6 faces: without area, the first 3\n"
-    ));
-    let (head, found) = values(&run.stdout);
-    assert!(head.starts_with("face,side,value,"));
+    let (faces, light) =
+        (faces(&mesh, Side::Both), (Sky::new(DVec3::Z), None));
+    let found = lit(&mesh, (0., &[]), light, faces, (Method::Sobol, 4096));
     // The mean over the face of the sky that the wall hides, by a midpoint
     // rule: that part of it which is higher than the point.
     let mut hidden = 0.;
@@ -229,7 +284,6 @@ f 1 2 4\nf 1 4 5\nf 1 5 3\nf 1 6 2\nf 1 7 6\nf 1 3 7\n";
 #[test]
 fn a_vertex_gets_the_light_around_the_normal_between_its_faces() {
     let chance = &mut Chance::default();
-    let place = Scratch::new();
     let open = |n: DVec3| 0.5 + 0.5 * n.normalize().z;
     let [top, bottom] = [1., -1.].map(|z| open(DVec3::new(1., 1., z)));
     // At its foot the base has an angle of 90 degrees, and two sides of 60.
@@ -237,25 +291,19 @@ fn a_vertex_gets_the_light_around_the_normal_between_its_faces() {
     let foot = open(60. * sides - 90. * DVec3::Z);
     let cube = BOX.replace("f 1 2 3 4\n", "f 4 3 2 1\n");
     let corners = [[bottom; 4], [top; 4]].concat();
+    let light = (Sky::new(DVec3::Z), None);
     for (text, exact) in [
         (&*cube, &corners[..]),
         (PYRAMID, &[foot, foot, foot, foot, 1.]),
         (CORNER, &[0.1875f64.sqrt()]),
         (VALLEY, &[0.2f64.sqrt()]),
     ] {
-        place.put("a.obj", text);
-        for method in ["reference", "sobol", "gather"] {
-            let line = "a.obj --vertices -r0 -n4096 -f -oa.csv -ob.obj";
-            let line = format!("{line} --integrator={method}");
-            place.free(&line).succeeded();
-            let (head, found) = values(&place.get("a.csv"));
-            assert!(head.starts_with("vertex,x,y,z,value,"));
-            for (i, &exact) in exact.iter().enumerate() {
-                chance.judge(found[i], exact, 16.);
+        for method in Method::ALL {
+            let (mesh, how) = (&mesh_of(text), (method, 4096));
+            let found = lit(mesh, (0., &[]), light, vertices, how);
+            for (found, &exact) in found.into_iter().zip(exact) {
+                chance.judge(found, exact, 16.);
             }
-            let mesh = read_obj(&place.get("b.obj")).unwrap();
-            let plain = read_obj(text.as_bytes()).unwrap();
-            assert_eq!(mesh.triangles, plain.triangles);
         }
     }
 }
@@ -335,45 +383,52 @@ fn receivers_have_tables_and_no_images() {
     let ply = String::from_utf8_lossy(&ply);
     assert!(ply.contains("element vertex 36\n"));
     assert!(ply.contains("element face 12\n"));
+    // An OBJ with values has the faces of its scene.
+    let vertices = "room.obj --vertices -n64 -o c.csv -o c.obj";
+    place.free(vertices).succeeded();
+    assert!(place.text("c.csv").starts_with("vertex,x,y,z,value,"));
+    let [shown, plain] = ["c.obj", "room.obj"].map(|name| place.text(name));
+    let [shown, plain] =
+        [shown, plain].map(|text| mesh_of(&text).triangles);
+    assert_eq!(shown, plain);
 }
 
 // A sky on all sides: what is open of the hemisphere of a receiver, and 1
 // among white surfaces, whichever way it looks.
 #[test]
 fn under_a_whole_sphere_a_vertex_has_what_its_occlusion_leaves() {
-    let place = Scratch::new();
     let chance = &mut Chance::default();
-    let rows = |options: &str| {
-        table(&place, &format!("{options} --sky sphere -o -")).1
+    let light = (Sky::with(DVec3::Z, Cover::Sphere), None);
+    let black = |mesh: &Mesh, n| {
+        lit(mesh, (0., &[]), light, vertices, (Method::Sobol, n))
     };
     // The corners of a box see all of their hemispheres, also those below.
-    place.put("box.obj", BOX.replacen("f 1 2 3 4", "f 4 3 2 1", 1));
-    let corners = rows("box.obj --vertices -r0 -n16");
-    assert_eq!(corners.len(), 8);
-    assert!(corners.iter().all(|&value| value == [1., 0.]));
+    let outwards = BOX.replacen("f 1 2 3 4", "f 4 3 2 1", 1);
+    assert_eq!(black(&mesh_of(&outwards), 16), [[1., 0.]; 8]);
     // Of two planes at a right angle, the edge sees 45 degrees on each side
     // of its normal: the sine of that, but for the ends at a thousandth.
     let valley = "v 0 -1e3 0\nv 0 0 0\nv 0 1e3 0\nv 1e3 -1e3 0\n\
         v 1e3 1e3 0\nv 0 -1e3 1e3\nv 0 1e3 1e3\n\
         f 2 1 4\nf 2 4 5\nf 2 5 3\nf 2 6 1\nf 2 7 6\nf 2 3 7\n";
-    place.put("valley.obj", valley);
-    let edge = rows("valley.obj --vertices -r0 -n4096")[1];
+    let edge = black(&mesh_of(valley), 4096)[1];
     chance.judge([edge[0], edge[1].hypot(1e-3)], 0.5f64.sqrt(), 16.);
     // White surfaces: light of radiance 1 goes everywhere, with every method.
-    place.put("p.txt", "0 1 0 0 0 1\n0 1 0 1 2 -3\n0 3 -0.5 0 0 -1\n");
-    for method in ["reference", "sobol", "gather"] {
-        let method = format!("--integrator={method}");
-        for value in rows(&format!("room.obj --points p.txt -n64 {method}"))
-        {
+    let room = &mesh_of(ROOM);
+    let slant = DVec3::new(1., 2., -3.);
+    let below = (DVec3::new(0., 3., -0.5), -DVec3::Z);
+    let all = [(DVec3::Y, DVec3::Z), (DVec3::Y, slant), below];
+    for method in Method::ALL {
+        let white = (1., &[][..]);
+        for value in lit(room, white, light, points(&all), (method, 64)) {
             chance.judge(value, 1., 16.);
         }
     }
     // The example traces the same rays by itself.
     let mesh = cavity(0.3, 4);
-    place.put("cavity.obj", obj(&mesh));
-    let ours = rows("cavity.obj --vertices -r0 -n256");
     let theirs = occlusion::openness(&mesh).unwrap();
-    for ([value, error], theirs) in ours.into_iter().zip(theirs) {
+    for ([value, error], theirs) in
+        black(&mesh, 256).into_iter().zip(theirs)
+    {
         // Its 256 directions are a net, which errs less than chance would.
         let theirs_error = (theirs * (1. - theirs) / 256.).sqrt();
         chance.judge([value, error.hypot(theirs_error)], theirs, 16.);
@@ -578,8 +633,11 @@ fn faces_are_told_with_their_names_their_area_and_their_normal() {
     let wall = "v 0 0 0\nv 4 0 0\nv 4 0 2\nv 0 0 2\nf 1 2 3 4\n";
     let group = "g \"south\"\nusemtl red\nf 4 1 2\nf 1 1 2\n";
     place.put("a.obj", format!("o barn, old\n{wall}{group}"));
-    place.free("a.obj --faces=both -n16 -r0 -oa.csv -oa.ply").succeeded();
+    let run = place.free("a.obj --faces=both -n16 -r0 -oa.csv -oa.ply");
+    let none = "no value for 2 of 6 faces: without area, the first 3\n";
+    assert!(run.succeeded().stderr.contains(none));
     let csv = place.text("a.csv");
+    assert!(csv.starts_with("face,side,value,"));
     let lines: Vec<&str> = csv.lines().collect();
     for (line, said) in [
         (0, ",samples,object,group,area,x,y,z,nx,ny,nz,unit"),
@@ -669,19 +727,6 @@ fn names_give_albedos_to_faces() {
     );
 }
 
-#[test]
-fn materials_are_not_ignored_without_a_word() {
-    let place = Scratch::new();
-    place.put("two.obj", format!("usemtl a\n{SPECK}usemtl b\nf 1 2 3\n"));
-    let run = place.done("two.obj -r0.5 -n1 -oa.pfm");
-    assert!(run.stderr.contains(
-        "two.obj: its materials are ignored, 2 of them: every surface has the albedo 0.5 \
-         (--materials)"
-    ));
-    let run = place.line("two.obj --albedo c=0.1 -ob.pfm");
-    run.failed(1, &["no material, group or object is called c", "a, b"]);
-}
-
 // A grid of Honeybee's over tiles as a converter of IFC writes them: each with
 // a name of blanks and brackets, and with normals, textures and panes.
 #[test]
@@ -748,9 +793,8 @@ fn a_model_of_four_hundred_materials_is_read_as_it_is() {
 #[test]
 fn blocks_that_are_inside_out_have_values_on_their_backs() {
     let chance = &mut Chance::default();
-    let place = Scratch::new();
     let corner = DVec3::new(690_000.25, 5_336_000.5, 512.);
-    for (name, shift) in [("near.obj", DVec3::ZERO), ("far.obj", corner)] {
+    let meshes = [DVec3::ZERO, corner].map(|shift| {
         let mut text = String::new();
         for x in [0., 9.] {
             for i in 0..8 {
@@ -762,13 +806,14 @@ fn blocks_that_are_inside_out_have_values_on_their_backs() {
             text += "f -8 -6 -2 -4\nf -7 -3 -1 -5\nf -8 -4 -3 -7\n";
             text += "f -6 -5 -1 -2\nf -4 -2 -1 -3\n";
         }
-        place.put(name, text);
-    }
-    let run = |options: &str| {
-        table(&place, &format!("{options} -r0.4 -n4096 --ground=0.2")).1
+        mesh_of(&text)
+    });
+    let run = |mesh: &Mesh, side| {
+        let (light, how) = ((Sky::new(DVec3::Z), Some(0.2)), Method::Sobol);
+        let faces = faces(mesh, side);
+        lit(mesh, (0.4, &[]), light, faces, (how, 4096))
     };
-    let [near, far] =
-        ["near.obj --faces=back", "far.obj --faces=back"].map(run);
+    let [near, far] = [&meshes[0], &meshes[1]].map(|m| run(m, Side::Back));
     for (near, far) in near.iter().zip(&far) {
         // Their rays are the same to the last bits of the coordinates.
         chance.judge([near[0] - far[0], near[1].hypot(far[1])], 0., 16.);
@@ -776,7 +821,7 @@ fn blocks_that_are_inside_out_have_values_on_their_backs() {
     }
     // Roofs see the sky alone, and the inside of a block sees none.
     chance.judge(near[4], 1., 16.);
-    let inside = run("near.obj --faces=front");
+    let inside = run(&meshes[0], Side::Front);
     assert!(inside.iter().all(|[value, _]| *value < 0.3), "{inside:?}");
 }
 
@@ -784,15 +829,14 @@ fn blocks_that_are_inside_out_have_values_on_their_backs() {
 #[test]
 fn a_room_without_a_ceiling_is_lit_as_radiosity_says() {
     let chance = &mut Chance::default();
-    let place = Scratch::new();
     let text = BOX.replace("f 5 6 7 8\n", "");
     let text = text.replace("f 1 2 3 4\n", "g floor\nf 1 2 3 4\ng wall\n");
-    place.put("box.obj", text);
+    let mesh = &mesh_of(&text);
     let [coarse, fine] = [8, 16].map(radiosity);
-    for method in ["reference", "sobol", "gather"] {
-        let line = "box.obj --faces=both -n65536 --albedo=floor=0.2 -r0.5";
-        let line = format!("{line} --integrator={method}");
-        let (_, found) = table(&place, &line);
+    for method in Method::ALL {
+        let (faces, how) = (faces(mesh, Side::Both), (method, 65536));
+        let light = (Sky::new(DVec3::Z), None);
+        let found = lit(mesh, (0.5, &[("floor", 0.2)]), light, faces, how);
         for (face, both) in found.chunks(2).enumerate() {
             let (kind, inside) = (face.min(1), both[face.min(1)]);
             // Of 24 and 32 patches a side, 0.29676 and 0.30081 are left.
@@ -854,29 +898,41 @@ fn radiosity(n: usize) -> [f64; 2] {
     [floor.iter().sum(), walls.iter().sum::<f64>() / 4.]
 }
 
-// One albedo for all, whatever it is called, is the same bits.
+// One albedo for all, whatever it is called, is the same bits; and a zenith
+// turns the sky and not the image.
 #[test]
-fn one_albedo_by_name_is_the_same_image() {
+fn what_means_the_same_is_the_same_image() {
     let place = Scratch::new();
     let text = place.text("room.obj");
     place.put("named.obj", format!("o all\n{text}"));
-    for method in ["reference", "sobol", "gather"] {
-        let common = format!("-n16 -d32x24 --integrator={method} -f");
-        place.done(&format!("room.obj -r0.5 {common} -oa.pfm"));
-        place.done(&format!("named.obj --albedo all=0.5 {common} -ob.pfm"));
-        assert_eq!(place.get("a.pfm"), place.get("b.pfm"), "{method}");
+    let view = "room.obj -r0.5 -p0,-4,4 -t0,0,-1";
+    let zenith =
+        [" -u0,0,1", " -u0,1,0 --zenith z"].map(|u| view.to_owned() + u);
+    let albedo = ["room.obj -r0.5", "named.obj --albedo all=0.5"];
+    let albedo = albedo.map(String::from);
+    for (pair, method) in [
+        (&albedo, "reference"),
+        (&albedo, "sobol"),
+        (&albedo, "gather"),
+        (&zenith, "auto"),
+    ] {
+        let [a, b] = pair.each_ref().map(|words| {
+            let common = format!("-n16 -d32x24 --integrator={method}");
+            place.done(&format!("{words} {common} -f -oa.pfm"));
+            place.get("a.pfm")
+        });
+        assert!(a == b, "{method} {pair:?}");
     }
-}
-
-#[test]
-fn a_zenith_turns_the_sky_and_not_the_image() {
-    let place = Scratch::new();
-    let common = "room.obj -r0.5 -n4 -d32x24 -p0,-4,4 -t0,0,-1 -f";
-    place.done(&format!("{common} -u0,0,1 -oa.pfm"));
-    place.done(&format!("{common} -u0,1,0 --zenith z -ob.pfm"));
-    assert_eq!(place.get("a.pfm"), place.get("b.pfm"));
     let run = place.line("room.obj -p0,0,9 -t0,0,0 -u0,0,1 -oc.pfm");
     assert!(run.stderr.contains("--zenith z -u 0,1,0"), "{}", run.stderr);
+    // Materials are not ignored without a word.
+    place.put("two.obj", format!("usemtl a\n{SPECK}usemtl b\nf 1 2 3\n"));
+    let run = place.done("two.obj -r0.5 -n1 -oa.pfm -f");
+    let told = "two.obj: its materials are ignored, 2 of them: every surface \
+                has the albedo 0.5 (--materials)";
+    assert!(run.stderr.contains(told), "{}", run.stderr);
+    let run = place.line("two.obj --albedo c=0.1 -ob.pfm");
+    run.failed(1, &["no material, group or object is called c", "a, b"]);
 }
 
 /// The share of the sky in the hemisphere around a wall or a roof among

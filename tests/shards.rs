@@ -6,7 +6,9 @@
 
 use crate::prelude::*;
 
+use crate::checkpoint::run_key_with;
 use litpt::key::Part;
+use litpt::state::checkpoint::Known;
 use litpt::state::shards;
 
 /// A view of four rows of tiles, the last of them cut off.
@@ -71,6 +73,21 @@ fn parts_add_up_to_the_bytes_of_one_run() {
             same(&place, &format!("{method} {crop}"));
         }
     }
+    // A range within one replicate is empty, and the part that follows has
+    // the samples.
+    let place = Scratch::new();
+    let run = "--integrator=sobol -n64";
+    place.done(&format!("{VIEW} {run} {A}"));
+    let loud = VIEW.replacen("-q", "", 1);
+    let empty =
+        place.done(&format!("{loud} -oc.litpt --samples=1..2 {run}"));
+    let warning = "the part has no sample: 16 are placed together";
+    assert!(empty.stderr.contains(warning), "{}", empty.stderr);
+    part(&place, "d.litpt", &format!("{run} --samples=0..1"));
+    part(&place, "e.litpt", &format!("{run} --samples=2..64"));
+    merge(&place, &format!("d.litpt c.litpt e.litpt {B}")).succeeded();
+    place.done(PICTURE);
+    same(&place, "with an empty part");
 }
 
 /// What one part has learnt, or a run that does nothing else, all others
@@ -217,70 +234,78 @@ fn bands_divide_any_window_at_rows_of_tiles() {
     }
 }
 
-/// A range within one replicate is empty, and the part that follows has the
-/// samples.
-#[test]
-fn a_part_may_be_empty() {
-    let place = Scratch::new();
-    let run = "--integrator=sobol -n64";
-    place.done(&format!("{VIEW} {run} {A}"));
-    let loud = "-iroom.obj -d40x50 -r0.7 -oc.litpt --samples=1..2";
-    let empty = place.done(&format!("{loud} {run}")).stderr;
-    let warning = "the part has no sample: 16 are placed together";
-    assert!(empty.contains(warning), "{empty}");
-    part(&place, "d.litpt", &format!("{run} --samples=0..1"));
-    part(&place, "e.litpt", &format!("{run} --samples=2..64"));
-    merge(&place, &format!("d.litpt c.litpt e.litpt {B}")).succeeded();
-    place.done(PICTURE);
-    same(&place, "with an empty part");
+/// Writes the state of a run of eight samples, of which these facts are other
+/// ones than usual, with none of its samples.
+fn put(place: &Scratch, name: &str, facts: Value) {
+    let whole = json!({ "samples": [0, 8], "of": 8, "band": [1, 1] });
+    let mut all = json!({ "resolution": [40, 50], "part": whole });
+    let known = all.as_object_mut().unwrap();
+    for (name, value) in facts.as_object().unwrap() {
+        known.insert(name.clone(), value.clone());
+    }
+    known.retain(|_, value| !value.is_null());
+    let run_key = run_key_with(all);
+    let mut report = Report::default();
+    report.convergence.spp = 8;
+    let (film, plan) = (run_key.film(), Plan::default());
+    let known = Known { plan, run_key, report, learnt: Arc::default() };
+    let mut file = fs::File::create(place.path(name)).unwrap();
+    save(&known, &film, &mut file).unwrap();
+}
+
+/// Why states are not merged.
+#[track_caller]
+fn fault(place: &Scratch, names: [&str; 2]) -> String {
+    let merged = shards::merge(&names.map(|name| place.path(name)));
+    let fault = merged.map(|merged| merged.missing).unwrap_err();
+    fault.to_string().replace(&*place.path("").to_string_lossy(), "")
 }
 
 #[test]
 fn states_that_are_not_parts_of_one_run_are_refused() {
     let place = Scratch::new();
-    place.put("other.obj", format!("{}\n", ROOM));
-    let run = "-n8 --integrator=reference";
-    part(&place, "a.litpt", &format!("{run} --samples=0..4"));
-    for (option, what) in [
-        ("-s1", "seed is 0 and 1"),
-        ("-iother.obj", "scene_sha256 is"),
-        ("-d40x51", "resolution is [40,50] and [40,51]"),
-        ("--crop=0,0,40x32", "crop is nothing and \"0,0,40x32\""),
-        ("--integrator=sobol", "method is"),
-        ("-n9", "part is"),
+    put(&place, "a.litpt", json!({}));
+    let part = json!({ "samples": [8, 9], "of": 9, "band": [1, 1] });
+    for (facts, what) in [
+        (json!({ "seed": 8 }), "seed is 7 and 8"),
+        (json!({ "scene_sha256": "cd" }), "scene_sha256 is"),
+        (json!({ "resolution": [40, 51] }), "[40,50] and [40,51]"),
+        (json!({ "crop": "0,0,40x32" }), "crop is nothing and \"0,0,40x"),
+        (json!({ "method": "reference" }), "method is"),
+        (json!({ "part": part }), "part is"),
     ] {
-        part(&place, "b.litpt", &format!("{run} --samples=4..8 {option}"));
-        let words = ["a.litpt and b.litpt are not of one run", what];
-        merge(&place, "a.litpt b.litpt -oc.png").failed(1, &words);
-        assert!(!place.path("c.png").exists());
+        put(&place, "b.litpt", facts);
+        let fault = fault(&place, ["a.litpt", "b.litpt"]);
+        let words = "a.litpt and b.litpt are not of one run: ";
+        assert!(fault.starts_with(words), "{fault}");
+        assert!(fault.contains(what), "{fault}");
     }
 }
 
 #[test]
 fn samples_that_two_states_hold_are_refused() {
     let place = Scratch::new();
-    for (name, options) in [
-        ("a.litpt", "--samples=0..5"),
-        ("b.litpt", "--samples=4..8"),
-        ("c.litpt", "--tiles=2/4"),
-        ("e.litpt", ""),
-    ] {
-        let run = format!("-n8 --integrator=reference {options}");
-        part(&place, name, &run);
+    let part = |samples: [u64; 2], band: [u64; 2]| {
+        let part = json!({ "samples": samples, "of": 8, "band": band });
+        json!({ "part": part })
+    };
+    put(&place, "a.litpt", part([0, 5], [1, 1]));
+    put(&place, "b.litpt", part([4, 8], [1, 1]));
+    put(&place, "c.litpt", part([0, 8], [2, 4]));
+    put(&place, "d.litpt", part([0, 5], [1, 1]));
+    // An undivided run has all samples, and does not know of how many.
+    for name in ["e.litpt", "f.litpt"] {
+        put(&place, name, json!({ "part": null }));
     }
-    place.put("d.litpt", place.get("a.litpt"));
-    place.put("f.litpt", place.get("e.litpt"));
     for (one, other, words) in [
         ("a.litpt", "b.litpt", "samples 4..5 of rows 0..50"),
         ("a.litpt", "a.litpt", "samples 0..5 of rows 0..50"),
         ("c.litpt", "b.litpt", "samples 4..8 of rows 16..32"),
         ("a.litpt", "d.litpt", "samples 0..5 of rows 0..50"),
-        // An undivided run has all samples, and does not know of how many.
         ("e.litpt", "f.litpt", "samples 0..8 of rows 0..50"),
     ] {
-        let run = format!("{one} {other} -oc.png --partial");
         let words = format!("{one} and {other} both hold {words}");
-        merge(&place, &run).failed(1, &[&words]);
+        assert_eq!(fault(&place, [one, other]), words);
     }
 }
 
@@ -354,9 +379,8 @@ fn a_part_that_is_stopped_is_missing_its_rest_and_can_be_resumed() {
 #[test]
 fn a_state_that_is_damaged_never_becomes_an_image() {
     let place = Scratch::new();
-    part(&place, "a.litpt", "-n8 --samples=0..4");
-    part(&place, "b.litpt", "-n8 --samples=4..8");
-    let whole = place.get("b.litpt");
+    put(&place, "a.litpt", json!({}));
+    let whole = place.get("a.litpt");
     // Of another version, whatever else it holds.
     let mut older = whole.clone();
     older[17] = b'2';
@@ -365,12 +389,11 @@ fn a_state_that_is_damaged_never_becomes_an_image() {
         (&whole[..whole.len() - 1], "is damaged"),
     ] {
         place.put("b.litpt", state);
-        let run = merge(&place, "a.litpt b.litpt -oc.png -f");
-        run.failed(1, &[&format!("b.litpt: {words}")]);
+        let fault = fault(&place, ["a.litpt", "b.litpt"]);
+        assert!(fault.starts_with(&format!("b.litpt: {words}")), "{fault}");
     }
-    let run = merge(&place, "a.litpt none.litpt -oc.png -f");
-    run.failed(1, &["none.litpt: cannot read"]);
-    assert!(!place.path("c.png").exists());
+    let fault = fault(&place, ["a.litpt", "none.litpt"]);
+    assert!(fault.starts_with("none.litpt: cannot read"), "{fault}");
 }
 
 #[test]
@@ -382,6 +405,8 @@ fn states_and_images_are_not_mixed_and_not_overwritten() {
     place.done(&format!("{VIEW} -oc.exr"));
     let mixed = merge(&place, "a.litpt c.exr -od.exr");
     mixed.failed(1, &["c.exr: is not a checkpoint"]);
+    merge(&place, "- a.litpt -od.exr").failed(1, &["-: cannot read"]);
+    merge(&place, "a.litpt -od.exr").failed(2, &["only 1"]);
     merge(&place, "a.litpt b.ck -od.exr").succeeded();
     let again = merge(&place, "a.litpt b.ck -od.exr");
     again.failed(1, &["d.exr: the file exists"]);

@@ -41,11 +41,7 @@ fn clusters() -> Mesh {
     let mut mesh = soup();
     let at = mesh.vertices[5];
     for scale in [1e-6, 1e-8] {
-        let first = mesh.vertices.len() as u32;
-        let Mesh { vertices, triangles, .. } = soup();
-        mesh.vertices.extend(vertices.iter().map(|v| at + scale * v));
-        let numbers = triangles.iter().map(|t| t.map(|i| first + i));
-        mesh.triangles.extend(numbers);
+        solids::add(&mut mesh, &soup(), |v| at + scale * v);
     }
     mesh
 }

@@ -177,12 +177,7 @@ fn sheet(rows: &[Vec<DVec3>]) -> Mesh {
     let triangles = (1..rows.len() as u32)
         .flat_map(|i| (1..columns).flat_map(move |j| square(i, j)));
     let triangles = triangles.collect();
-    Mesh {
-        vertices: rows.concat(),
-        triangles,
-        joined: vec![],
-        marks: vec![],
-    }
+    Mesh { vertices: rows.concat(), triangles, ..Mesh::default() }
 }
 
 /// A horizontal square of two triangles, at height 0.

@@ -135,7 +135,7 @@ impl Dispatch for Outside<'_> {
 }
 
 /// A corner of a triangle, a point of an edge, or one within.
-fn point(of: &[Triangle], random: &mut Pcg64Mcg) -> DVec3 {
+pub fn point(of: &[Triangle], random: &mut Pcg64Mcg) -> DVec3 {
     let [a, b, _] = of[random.random_range(0..of.len())];
     match random.random_range(0..3) {
         0 => a,

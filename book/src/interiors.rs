@@ -17,6 +17,8 @@ use glam::DVec3;
 use litpt::camera::View;
 use litpt::scene::Mesh;
 
+use crate::mixtures::options;
+use crate::solids::add;
 use crate::sweep::{
     Flat, Point, Solid, block, fan, lathe, semicircle, sweep,
 };
@@ -53,10 +55,7 @@ impl Interior {
 
     /// The options of `pt` for the view, with the albedo that is meant.
     pub fn options(&self) -> String {
-        let View { position, target, up, fov } = self.view;
-        let [p, t, u] = [position, target, up]
-            .map(|v| format!("{},{},{}", v.x, v.y, v.z));
-        format!("-p {p} -t {t} -u {u} -F {fov} -r 0.8")
+        options(&self.view) + " -r 0.8"
     }
 }
 
@@ -64,11 +63,7 @@ impl Interior {
 fn joined(solids: &[Solid]) -> Mesh {
     let mut mesh = Mesh::default();
     for solid in solids {
-        let first = mesh.vertices.len() as u32;
-        mesh.vertices
-            .extend(solid.vertices.iter().map(|&v| DVec3::from_array(v)));
-        let moved = solid.triangles.iter().map(|t| t.map(|i| first + i));
-        mesh.triangles.extend(moved);
+        add(&mut mesh, &solid.mesh(), |p| p);
     }
     mesh
 }

@@ -13,6 +13,7 @@ pub mod courtyard;
 pub mod escapes;
 pub mod interiors;
 pub mod mixtures;
+pub mod oracle;
 pub mod paths;
 pub mod settings;
 pub mod solids;

@@ -17,7 +17,7 @@ use litpt::scene::Mesh;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::solids::{cube, icosphere};
+use crate::solids::{add, cube, icosphere};
 
 /// A scene, seen from near its small object.
 pub struct Mixture {
@@ -63,11 +63,16 @@ impl Mixture {
 
     /// The options of `pt` for the view.
     pub fn options(&self) -> String {
-        let View { position, target, up, fov } = self.view;
-        let [p, t, u] = [position, target, up]
-            .map(|v| format!("{},{},{}", v.x, v.y, v.z));
-        format!("-p {p} -t {t} -u {u} -F {fov}")
+        options(&self.view)
     }
+}
+
+/// The options of `pt` for a view.
+pub fn options(view: &View) -> String {
+    let View { position, target, up, fov } = view;
+    let [p, t, u] =
+        [position, target, up].map(|v| format!("{},{},{}", v.x, v.y, v.z));
+    format!("-p {p} -t {t} -u {u} -F {fov}")
 }
 
 // ---- parts
@@ -82,14 +87,6 @@ fn beside(at: DVec3) -> View {
     look(at + DVec3::new(0., -5., 2.), at + DVec3::new(0., 0., 0.8))
 }
 
-/// Adds a mesh whose vertices are moved.
-fn add(mesh: &mut Mesh, part: &Mesh, place: impl Fn(DVec3) -> DVec3) {
-    let first = mesh.vertices.len() as u32;
-    mesh.vertices.extend(part.vertices.iter().map(|&v| place(v)));
-    let moved = part.triangles.iter().map(|t| t.map(|i| first + i));
-    mesh.triangles.extend(moved);
-}
-
 /// A horizontal square from -`reach` to `reach`, cut into `n` by `n` squares
 /// of two triangles each.
 fn square(reach: f64, n: u32) -> Mesh {
@@ -102,7 +99,7 @@ fn square(reach: f64, n: u32) -> Mesh {
     };
     let vertices = (0..=n).flat_map(row).collect();
     let triangles = (0..n * n).flat_map(cell).collect();
-    Mesh { vertices, triangles, joined: vec![], marks: vec![] }
+    Mesh { vertices, triangles, ..Mesh::default() }
 }
 
 /// A ball of radius 1 and 20480 triangles that touches height 0.

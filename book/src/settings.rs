@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::courtyard;
+use crate::solids::{add, cube};
 use glam::DVec3;
 use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{Bvh, Isa, Quality};
@@ -114,7 +115,7 @@ pub fn all() -> Vec<Setting> {
     };
     let on_plane = || {
         let mut mesh = square(20.);
-        add(&mut mesh, ball(24), v(0., 0., 1.2), 1.);
+        add(&mut mesh, &ball(24), |p| p + v(0., 0., 1.2));
         mesh
     };
     vec![
@@ -145,14 +146,6 @@ pub fn all() -> Vec<Setting> {
 pub fn named(name: &str) -> Setting {
     let mut all = all().into_iter();
     all.find(|setting| setting.name == name).expect("its name")
-}
-
-fn add(mesh: &mut Mesh, part: Mesh, shift: DVec3, scale: f64) {
-    let first = mesh.vertices.len() as u32;
-    mesh.vertices
-        .extend(part.vertices.into_iter().map(|p| p * scale + shift));
-    let moved = part.triangles.into_iter().map(|t| t.map(|i| i + first));
-    mesh.triangles.extend(moved);
 }
 
 /// A horizontal square.
@@ -216,30 +209,6 @@ fn ball(n: u32) -> Mesh {
     mesh
 }
 
-/// A cube around the origin, half as large as its edge `2`.
-fn cube() -> Mesh {
-    let corner = |i: u32| {
-        let at = |bit: u32| if i >> bit & 1 == 1 { 1. } else { -1. };
-        DVec3::new(at(2), at(1), at(0))
-    };
-    let squares = [
-        [0, 1, 3, 2],
-        [4, 6, 7, 5],
-        [0, 4, 5, 1],
-        [2, 3, 7, 6],
-        [0, 2, 6, 4],
-        [1, 5, 7, 3],
-    ];
-    let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
-    let triangles = squares.into_iter().flat_map(halves).collect();
-    Mesh {
-        vertices: (0..8).map(corner).collect(),
-        triangles,
-        joined: vec![],
-        marks: vec![],
-    }
-}
-
 /// An octahedron: eight triangles, none of them upright.
 fn cut_cube() -> Mesh {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z];
@@ -252,19 +221,18 @@ fn cut_cube() -> Mesh {
     Mesh {
         vertices: vertices.collect(),
         triangles: faces.collect(),
-        joined: vec![],
-        marks: vec![],
+        ..Mesh::default()
     }
 }
 
 /// A room with a block in it, closed or without two triangles of a wall.
 fn room(window: bool) -> Mesh {
     let mut mesh = Mesh::default();
-    add(&mut mesh, cube(), DVec3::ZERO, 5.);
+    add(&mut mesh, &cube(1), |p| p * 5.);
     if window {
         mesh.triangles.truncate(10);
     }
-    add(&mut mesh, cube(), DVec3::new(1., 3., -3.5), 1.);
+    add(&mut mesh, &cube(1), |p| p + DVec3::new(1., 3., -3.5));
     mesh
 }
 
@@ -274,18 +242,13 @@ fn one() -> Mesh {
         DVec3::new(1., 0., -1.),
         DVec3::new(0., 0.3, 1.),
     ];
-    Mesh {
-        vertices,
-        triangles: vec![[0, 1, 2]],
-        joined: vec![],
-        marks: vec![],
-    }
+    Mesh { vertices, triangles: vec![[0, 1, 2]], ..Mesh::default() }
 }
 
 /// A closed chest on a plane, with 100 000 triangles in it.
 fn chest() -> Mesh {
     let mut mesh = square(20.);
-    add(&mut mesh, cube(), DVec3::new(0., 0., 1.5), 1.4);
-    add(&mut mesh, ball(160), DVec3::new(0., 0., 1.5), 1.);
+    add(&mut mesh, &cube(1), |p| p * 1.4 + DVec3::new(0., 0., 1.5));
+    add(&mut mesh, &ball(160), |p| p + DVec3::new(0., 0., 1.5));
     mesh
 }

@@ -57,12 +57,8 @@ impl Solid {
         let plane = [[0, 1, 2], [0, 2, 3]];
         triangles.extend(plane.map(|t| t.map(|i| first + i)));
         let faces = own.corners.len() as u32;
-        let scene = Scene::new(&Mesh {
-            vertices,
-            triangles,
-            joined: vec![],
-            marks: vec![],
-        });
+        let scene =
+            Scene::new(&Mesh { vertices, triangles, ..Mesh::default() });
         let place = |&p: &DVec3| {
             scene.frame.entrance(p).place().expect("a point inside")
         };
@@ -145,6 +141,14 @@ pub fn winding(triangles: &[[DVec3; 3]], p: DVec3) -> f64 {
         2. * volume.atan2(below)
     };
     triangles.iter().map(angle).sum::<f64>() / (4. * std::f64::consts::PI)
+}
+
+/// Adds a mesh whose vertices are moved.
+pub fn add(mesh: &mut Mesh, part: &Mesh, place: impl Fn(DVec3) -> DVec3) {
+    let first = mesh.vertices.len() as u32;
+    mesh.vertices.extend(part.vertices.iter().map(|&v| place(v)));
+    let moved = part.triangles.iter().map(|t| t.map(|i| first + i));
+    mesh.triangles.extend(moved);
 }
 
 /// A cube with `n` by `n` squares on each face, each cut in two.
@@ -245,7 +249,7 @@ pub fn icosphere(level: u32) -> Mesh {
         };
         triangles = triangles.iter().flat_map(cut).collect();
     }
-    Mesh { vertices, triangles, joined: vec![], marks: vec![] }
+    Mesh { vertices, triangles, ..Mesh::default() }
 }
 
 /// A torus around the z axis, with radii 1 and 0.3.
@@ -269,8 +273,7 @@ fn torus(around: u32, across: u32) -> Mesh {
     Mesh {
         vertices: vertices.collect(),
         triangles: triangles.collect(),
-        joined: vec![],
-        marks: vec![],
+        ..Mesh::default()
     }
 }
 
@@ -340,14 +343,13 @@ fn turned(mut mesh: Mesh, by: DVec3) -> Mesh {
 fn junctions() -> Mesh {
     let mut mesh = Mesh::default();
     for (axis, n) in [(0, 1), (1, 2), (2, 8)] {
-        let part = cube(n);
-        let first = mesh.vertices.len() as u32;
-        let on_axis = part.triangles.iter().filter(|t| {
-            let [a, b, c] = t.map(|i| part.vertices[i as usize]);
-            a[axis] == b[axis] && b[axis] == c[axis]
+        let mut part = cube(n);
+        let corner = |i: u32| part.vertices[i as usize][axis];
+        part.triangles.retain(|t| {
+            let [a, b, c] = t.map(corner);
+            a == b && b == c
         });
-        mesh.triangles.extend(on_axis.map(|t| t.map(|i| first + i)));
-        mesh.vertices.extend(part.vertices);
+        add(&mut mesh, &part, |p| p);
     }
     mesh
 }
@@ -372,19 +374,16 @@ fn repeated() -> Mesh {
 fn courtyard() -> Solid {
     let (mut mesh, mut middles) = (Mesh::default(), vec![]);
     for part in solids() {
-        let vertices: Vec<DVec3> =
-            part.vertices.iter().map(|&v| v.into()).collect();
-        let corner = |i: u32| vertices[i as usize];
+        let part = part.mesh();
+        let corner = |i: u32| part.vertices[i as usize];
         let own: Vec<_> =
             part.triangles.iter().map(|t| t.map(corner)).collect();
-        let middle = vertices.iter().sum::<DVec3>() / vertices.len() as f64;
+        let sum = part.vertices.iter().sum::<DVec3>();
+        let middle = sum / part.vertices.len() as f64;
         if winding(&own, middle).abs() > 0.99 {
             middles.push(middle);
         }
-        let first = mesh.vertices.len() as u32;
-        let moved = part.triangles.iter().map(|t| t.map(|i| first + i));
-        mesh.triangles.extend(moved);
-        mesh.vertices.extend(vertices);
+        add(&mut mesh, &part, |p| p);
     }
     let scene = Scene::new(&mesh);
     let faces = mesh.triangles.len() as u32;

@@ -8,6 +8,8 @@
 
 use std::io::{self, Write};
 
+use litpt::scene::Mesh;
+
 /// A point or vector: x, y (up), z, in metres.
 pub type Point = [f64; 3];
 
@@ -44,6 +46,13 @@ impl Solid {
                 self.triangles.push([a, b, c]);
             }
         }
+    }
+
+    /// Its triangles.
+    pub fn mesh(&self) -> Mesh {
+        let vertices = self.vertices.iter().map(|&p| p.into()).collect();
+        let triangles = self.triangles.clone();
+        Mesh { vertices, triangles, ..Mesh::default() }
     }
 
     /// The solid after a rotation or translation.

@@ -7,7 +7,6 @@ use std::collections::BTreeSet;
 use std::env;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::slice::from_ref;
 use std::sync::Arc;
 
 use clap::{Args, Parser, Subcommand};
@@ -19,12 +18,9 @@ use litpt::cli::run::fail;
 use litpt::compare::display::{
     self, AUTO_EXPOSURE, Curve, Exposure, auto_stops, seeming_surfaces,
 };
-use litpt::compare::{
-    Difference, Dispersion, FEW, Scale, compare, disagreements,
-};
+use litpt::compare::{compare, disagreements};
 use litpt::error::{Error, Result};
-use litpt::film::SIDE;
-use litpt::image::{BANDS, Format, Image, OPACITY, luminance};
+use litpt::image::{Format, Image, OPACITY};
 use litpt::output::{OutputTarget, descriptor, format_of, refuse_aliases};
 use litpt::plan::{Outputs, Product};
 use litpt::report::Kind;
@@ -167,27 +163,34 @@ struct Output {
 }
 
 impl Output {
-    /// The targets of an image, which on standard output has the format
-    /// that was asked for, or the usual one; `grey` allows levels only.
-    fn targets(&self, usual: Format, grey: bool) -> Result<Vec<Target>> {
+    /// The target of an image, which on standard output has the format that
+    /// was asked for, or the usual one.
+    fn target(&self, path: &Path, usual: Format) -> Result<Target> {
+        if descriptor(path).is_none() && self.format.is_some() {
+            let fault = "--format is for standard output; the name of a file \
+                         tells its format";
+            return Err(Error::from(fault).of_file(path));
+        }
+        let format = format_of(path, self.format.unwrap_or(usual))?;
+        Ok((format, OutputTarget::file(path, self.force)?))
+    }
+
+    /// Those of all outputs, each in one of two formats if these are given.
+    fn targets(
+        &self,
+        usual: Format,
+        formats: Option<[Format; 2]>,
+    ) -> Result<Vec<Target>> {
         let target = |path: &PathBuf| {
-            // Check one target
-            let name = path.display();
-            if descriptor(path).is_none() && self.format.is_some() {
-                return Err(Error::from(
-                    "--format is for standard output; the name of a file \
-                     tells its format",
-                )
-                .of_file(name));
-            }
-            let format = format_of(path, self.format.unwrap_or(usual))?;
-            let target = (format, OutputTarget::file(path, self.force)?);
-            match grey && !is_grey(&target) {
-                true => {
-                    let fault = "this image is written as .pgm or .png";
-                    Err(Error::from(fault).of_file(name))
+            let target = self.target(path, usual)?;
+            match formats.filter(|formats| !formats.contains(&target.0)) {
+                None => Ok(target),
+                Some([a, b]) => {
+                    let fault = format!(
+                        "this image is written as .{a:?} or .{b:?}"
+                    );
+                    Err(Error::from(fault.to_lowercase()).of_file(path))
                 }
-                false => Ok(target),
             }
         };
         self.output.iter().map(target).collect()
@@ -198,6 +201,15 @@ impl Output {
         self.output.iter().any(|path| descriptor(path) == Some(1))
     }
 }
+
+/// Where an image goes, and in which format.
+type Target = (Format, OutputTarget);
+
+/// The formats of levels, which show an image.
+const GREY: [Format; 2] = [Format::Pgm, Format::Png];
+
+/// Those that have colours.
+const COLOUR: [Format; 2] = [Format::Png, Format::Exr];
 
 fn main() -> ExitCode {
     // A file beyond the limit of size is an error, not the end.
@@ -219,166 +231,27 @@ fn main() -> ExitCode {
 fn run(verb: &Verb) -> Result<ExitCode> {
     match verb {
         Verb::Info { files, json } => inform(files, *json)?,
-        // Make an image for the screen
         Verb::Tonemap { input, to, exposure, tonemap, no_filter } => {
-            let targets = to.targets(Format::Pgm, true)?;
-            let image = looked_at(input, *no_filter)?;
+            // Make an image for the screen
+            let targets = to.targets(Format::Pgm, Some(GREY))?;
+            let mut image = read(input)?;
+            image.more.retain(|(name, _)| !no_filter || *name == OPACITY);
+            let image = display::picture(image);
             let stops = stops(*exposure, &image);
-            let grey = display::tonemap(&image, stops, *tonemap);
-            write(&targets, &Image { more: image.more, ..grey })?;
+            let image = display::tonemap(&image, stops, *tonemap);
+            targets.iter().try_for_each(|target| write(target, &image))?;
         }
-        // Make a colour image of three
-        Verb::Rgb { bands, to, exposure } => {
-            let targets = to.targets(Format::Png, false)?;
-            let has_colours =
-                |t: &Target| [Format::Png, Format::Exr].contains(&t.0);
-            if !targets.iter().all(has_colours) {
-                return Err("colours are written as .png or .exr".into());
-            }
-            // Read the bands
-            let mut told = BTreeSet::new();
-            let read = |path: &PathBuf| {
-                Image::read_noting(path, &mut |fault| {
-                    let name = path.display().to_string();
-                    if told.insert(fault.replace(&name, "")) {
-                        progress::warn(fault);
-                    }
-                })
-            };
-            let images: Vec<_> =
-                bands.iter().map(read).collect::<Result<_, _>>()?;
-            for (i, (path, image)) in bands.iter().zip(&images).enumerate()
-            {
-                // Compare a band with the first
-                let size = |image: &Image| (image.width, image.height);
-                if size(image) != size(&images[0]) {
-                    let fault = Error::from("it has another size");
-                    return Err(fault.of_file(path.display()));
-                }
-                let [first, own] =
-                    [&images[0], image].map(|image| &image.attributes);
-                let wanted = ["r", "g", "b"][i];
-                if let Some(band) =
-                    own.get("band").filter(|band| *band != wanted)
-                {
-                    let path = path.display();
-                    let fault =
-                        format!("it is of --band {band}, not {wanted}");
-                    return Err(Error::from(fault).of_file(path));
-                }
-                let mut others = disagreements(first, own);
-                others.retain(|what| !what.starts_with("materials "));
-                if first.get("seed") != own.get("seed") {
-                    others.push("it has another seed".to_owned());
-                }
-                for what in others {
-                    progress::warn(&format!("{}: {what}", path.display()));
-                }
-            }
-            let colours = colours(&images);
-            let errors = images[0].errors.clone();
-            let stops =
-                stops(*exposure, &Image { errors, ..colours.clone() });
-            let images = images.into_iter().map(display::picture);
-            let images: Vec<_> = images.collect();
-            let expose = |band: &Image| Image {
-                more: band.more.clone(),
-                ..display::tonemap(band, stops, Curve::Clamp)
-            };
-            let shown =
-                self::colours(&Vec::from_iter(images.iter().map(expose)));
-            for target in &targets {
-                let is_shown = target.0 == Format::Png;
-                write(
-                    from_ref(target),
-                    if is_shown { &shown } else { &colours },
-                )?;
-            }
-        }
+        Verb::Rgb { bands, to, exposure } => join(bands, to, *exposure)?,
+        Verb::Diff { a, b, to, quiet } => return diff([a, b], to, *quiet),
         Verb::Merge { files, to, report, partial } => {
-            // Merge the states of a run
-            let written =
-                to.output.iter().chain(report).map(PathBuf::as_path);
-            refuse_aliases(files.iter().map(PathBuf::as_path), written)?;
-            let outputs = to.output.iter().cloned();
-            let (states, output): (Vec<_>, _) =
-                outputs.partition(|path| is_state_name(path));
-            let to = &Output { output, ..to.clone() };
-            let images = to.targets(Format::Exr, false)?;
-            // Find the targets of the reports
-            let of_report = |path: &PathBuf| {
-                let target = OutputTarget::file(path, to.force)?;
-                Ok((Product::Report(Kind::of(path)?), target))
-            };
-            let images = images
-                .into_iter()
-                .map(|(f, to)| Ok((Product::Image(f), to)));
-            let of_state = |path: &PathBuf| {
-                Ok((Product::State, OutputTarget::file(path, to.force)?))
-            };
-            let targets = images.chain(report.iter().map(of_report));
-            let targets = targets.chain(states.iter().map(of_state));
-            let targets = targets.collect::<Result<Vec<_>>>()?;
-            let merged = shards::merge(files)?;
-            if merged.known.run_key.subject.sensed.is_list()
-                && targets
-                    .iter()
-                    .any(|(product, _)| *product != Product::State)
-            {
-                return Err("receivers have no image: merge to a state, -o a.litpt, \
-                            and use pt --resume a.litpt -o a.csv"
-                    .into());
-            }
-            // Name the parts that are missing
-            if let Some(missing) = &merged.missing {
-                let missing = format!("parts are missing: {missing}");
-                match partial {
-                    true if states.is_empty() => progress::warn(&missing),
-                    true => {
-                        let fault =
-                            format!("{missing}: no state can be written");
-                        return Err(fault.into());
-                    }
-                    false => {
-                        return Err(
-                            format!("{missing} (see --partial)").into()
-                        );
-                    }
-                }
-            }
-            // Write what was merged
-            let mut products = targets.iter().map(|(product, _)| product);
-            let run_key = &merged.known.run_key;
-            let lack = match run_key.filtered {
-                true => Some("is not filtered"),
-                false => {
-                    run_key.subject.sky.background.map(|_| "has no opacity")
-                }
-            };
-            if let Some(lack) =
-                lack.filter(|_| products.any(|p| p.is_picture()))
-            {
-                progress::warn(&format!(
-                    "the picture {lack}, for lack of the scene: merge to a state, \
-                     -o a.litpt, and use pt --resume a.litpt"
-                ));
-            }
-            let convergence = merged.known.report.convergence.clone();
-            let mut output = RunOutput::new(
-                targets,
-                &Outputs::default(),
-                merged.known,
-                None,
-            );
-            output.write(&convergence, &merged.film, None)?;
+            merge(files, to, report, *partial)?;
         }
         Verb::Stderr { input, to, relative } => {
             // Show the standard errors
-            let targets = to.targets(Format::Pgm, true)?;
-            let image = read(input)?;
-            let (grey, white) = display::errors(&image, *relative)
-                .map_err(|fault| fault.of_file(input.display()))?;
-            write(&targets, &grey)?;
+            let targets = to.targets(Format::Pgm, Some(GREY))?;
+            let (grey, white) = display::errors(&read(input)?, *relative)
+                .map_err(|fault| fault.of_file(input))?;
+            targets.iter().try_for_each(|target| write(target, &grey))?;
             let what = if *relative { "relative " } else { "" };
             let line =
                 format!("white is a {what}standard error of {white:.4e}");
@@ -387,37 +260,12 @@ fn run(verb: &Verb) -> Result<ExitCode> {
                 false => say(&line)?,
             }
         }
-        Verb::Diff { a, b, to, quiet } => {
-            // Answer with the status of a test
-            if *quiet {
-                progress::set_quiet(true);
-            } else if to.is_standard() {
-                return Err("a map on standard output needs -q".into());
-            }
-            return diff([a, b], &to.targets(Format::Pgm, false)?);
-        }
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Where an image goes, and in which format.
-type Target = (Format, OutputTarget);
-
-fn is_grey((format, _): &Target) -> bool {
-    [Format::Pgm, Format::Png].contains(format)
-}
-
-fn write(targets: &[Target], image: &Image) -> Result<()> {
-    targets.iter().try_for_each(|(format, target)| {
-        target.write(&mut |out| format.write(image, out))
-    })
-}
-
-/// What is to be seen of an image, perhaps without its filter.
-fn looked_at(path: &Path, no_filter: bool) -> Result<Image> {
-    let mut image = read(path)?;
-    image.more.retain(|(name, _)| !no_filter || *name == OPACITY);
-    Ok(display::picture(image))
+fn write((format, target): &Target, image: &Image) -> Result<()> {
+    target.write(&mut |out| format.write(image, out))
 }
 
 /// The stops for an image: those that its run has found, or what its pixels
@@ -425,40 +273,137 @@ fn looked_at(path: &Path, no_filter: bool) -> Result<Image> {
 fn stops(exposure: Exposure, image: &Image) -> f64 {
     let found = image.attributes.get(AUTO_EXPOSURE);
     let found = found.and_then(|text| text.parse().ok());
-    let error = |i: usize| image.errors.as_ref().map_or(1., |all| all[i]);
+    let error =
+        |i: usize| image.errors.as_ref().map_or(1., |errors| errors[i]);
     let pixels = image.means.iter().enumerate();
     let pixels = pixels.map(|(i, &mean)| (mean, error(i)));
-    let tell = || auto_stops(seeming_surfaces(pixels));
-    let stops = exposure.stops(|| found.unwrap_or_else(tell));
+    let suit = || auto_stops(seeming_surfaces(pixels));
+    let stops = exposure.stops(|| found.unwrap_or_else(suit));
     if exposure == Exposure::Auto {
         progress::inform(&format!("exposure {stops:+} stops"));
     }
     stops
 }
 
-/// One image of three bands, whose means are the luminance.
-fn colours(bands: &[Image]) -> Image {
-    let mut more = vec![];
-    for (i, image) in bands.iter().enumerate() {
-        more.push((BANDS[i], image.means.clone()));
-        let errors = image.errors.iter().cloned();
-        more.extend(errors.map(|all| (BAND_ERRORS[i], all)));
+/// Joins three bands to a colour image.
+fn join(bands: &[PathBuf], to: &Output, exposure: Exposure) -> Result<()> {
+    let targets = to.targets(Format::Png, Some(COLOUR))?;
+    // Read the bands
+    let mut printed = BTreeSet::new();
+    let read = |path: &PathBuf| {
+        Image::read_noting(path, &mut |fault| {
+            let name = path.display().to_string();
+            if printed.insert(fault.replace(&name, "")) {
+                progress::warn(fault);
+            }
+        })
+    };
+    let images: Vec<_> = bands.iter().map(read).collect::<Result<_>>()?;
+    for ((path, image), name) in
+        bands.iter().zip(&images).zip("rgb".chars())
+    {
+        // Compare a band with the first
+        let first = &images[0];
+        if (image.width, image.height) != (first.width, first.height) {
+            return Err(Error::from("it has another size").of_file(path));
+        }
+        let band = image.attributes.get("band");
+        if let Some(band) = band.filter(|band| **band != name.to_string()) {
+            let fault = format!("it is of --band {band}, not {name}");
+            return Err(Error::from(fault).of_file(path));
+        }
+        let (first, other) = (&first.attributes, &image.attributes);
+        let mut slips = disagreements(first, other);
+        slips.retain(|slip| !slip.starts_with("materials "));
+        if first.get("seed") != other.get("seed") {
+            slips.push("it has another seed".to_owned());
+        }
+        for slip in slips {
+            progress::warn(&format!("{}: {slip}", path.display()));
+        }
     }
-    let Image { width, height, means, .. } = &bands[0];
-    let pixel =
-        |i: usize| luminance(&[0, 1, 2].map(|k: usize| bands[k].means[i]));
-    let means = (0..means.len()).map(pixel).collect();
-    let opacity = bands[0].channel(OPACITY).cloned();
-    more.extend(opacity.map(|all| (OPACITY, all)));
-    let mut attributes = bands[0].attributes.clone();
-    attributes.retain(|name, value| {
-        let has = |image: &Image| image.attributes.get(name) == Some(value);
-        bands.iter().all(has)
-    });
-    Image { more, attributes, ..Image::plain(*width, *height, means) }
+    let colours = display::join(&images);
+    let errors = images[0].errors.clone();
+    let stops = stops(exposure, &Image { errors, ..colours.clone() });
+    let images = images.into_iter().map(display::picture);
+    let images = images.map(|i| display::tonemap(&i, stops, Curve::Clamp));
+    let shown = display::join(&Vec::from_iter(images));
+    targets.iter().try_for_each(|target| match target.0 {
+        Format::Png => write(target, &shown),
+        _ => write(target, &colours),
+    })
 }
 
-const BAND_ERRORS: [&str; 3] = ["stderr.R", "stderr.G", "stderr.B"];
+/// Merges the states of a run.
+fn merge(
+    files: &[PathBuf],
+    to: &Output,
+    reports: &[PathBuf],
+    partial: bool,
+) -> Result<()> {
+    let written = to.output.iter().chain(reports).map(PathBuf::as_path);
+    refuse_aliases(files.iter().map(PathBuf::as_path), written)?;
+    // Find the targets of a merge
+    let output = |path: &PathBuf| {
+        if is_state_name(path) {
+            return Ok((
+                Product::State,
+                OutputTarget::file(path, to.force)?,
+            ));
+        }
+        let (format, target) = to.target(path, Format::Exr)?;
+        Ok((Product::Image(format), target))
+    };
+    let report = |path: &PathBuf| {
+        let product = Product::Report(Kind::of(path)?);
+        Ok((product, OutputTarget::file(path, to.force)?))
+    };
+    let targets = to.output.iter().map(output);
+    let targets = targets.chain(reports.iter().map(report));
+    let targets = targets.collect::<Result<Vec<_>>>()?;
+    let has = |is: fn(&Product) -> bool| {
+        targets.iter().any(|(product, _)| is(product))
+    };
+    let merged = shards::merge(files)?;
+    // Refuse an image of receivers
+    let is_list = merged.known.run_key.subject.sensed.is_list();
+    if is_list && has(|product| *product != Product::State) {
+        return Err(
+            "receivers have no image: merge to a state, -o a.litpt, \
+                    and use pt --resume a.litpt -o a.csv"
+                .into(),
+        );
+    }
+    // Report the parts that are missing
+    if let Some(missing) = &merged.missing {
+        let missing = format!("parts are missing: {missing}");
+        if !partial {
+            return Err(format!("{missing} (see --partial)").into());
+        } else if has(|product| *product == Product::State) {
+            return Err(
+                format!("{missing}: no state can be written").into()
+            );
+        }
+        progress::warn(&missing);
+    }
+    // Warn of a picture that lacks the scene
+    let run_key = &merged.known.run_key;
+    let lack = match run_key.filtered {
+        true => Some("is not filtered"),
+        false => run_key.subject.sky.background.map(|_| "has no opacity"),
+    };
+    if let Some(lack) = lack.filter(|_| has(|product| product.is_picture()))
+    {
+        progress::warn(&format!(
+            "the picture {lack}, for lack of the scene: merge to a state, \
+             -o a.litpt, and use pt --resume a.litpt"
+        ));
+    }
+    let convergence = merged.known.report.convergence.clone();
+    let mut output =
+        RunOutput::new(targets, &Outputs::default(), merged.known, None);
+    Ok(output.write(&convergence, &merged.film, None)?)
+}
 
 /// Reads an image and warns of what is not as it should be.
 fn read(path: &Path) -> Result<Image> {
@@ -478,14 +423,14 @@ fn inform(files: &[PathBuf], json: bool) -> Result<()> {
         say(&match json {
             true => Value::from_iter(facts).to_string(),
             false => {
-                // Put the facts into lines
-                let own = image.attributes.iter();
-                let own = own.map(|(name, text)| (&name[..], json!(text)));
-                let known = facts.into_iter().chain(own);
-                let known =
-                    known.filter(|(_, v)| !v.is_null() && !v.is_object());
+                // Print the facts in lines
+                let run = image.attributes.iter();
+                let run = run.map(|(name, text)| (&name[..], json!(text)));
+                let facts = facts.into_iter().chain(run);
+                let facts =
+                    facts.filter(|(_, v)| !v.is_null() && !v.is_object());
                 let lines =
-                    known.map(|(name, v)| format!("{name}: {}", words(&v)));
+                    facts.map(|(name, v)| format!("{name}: {}", words(&v)));
                 lines.collect::<Vec<_>>().join("\n")
             }
         })?;
@@ -497,19 +442,18 @@ fn inform(files: &[PathBuf], json: bool) -> Result<()> {
 /// of pixels whose means are finite numbers.
 fn facts(path: &Path, image: &Image) -> [(&'static str, Value); 13] {
     // Sum the squares of the errors
-    let known = |list: &Vec<f64>| -> Vec<f64> {
-        let pairs = list.iter().zip(&image.means);
-        let known = pairs.filter(|(_, mean)| mean.is_finite());
-        known.map(|(&value, _)| value).collect()
+    let is_finite = |&i: &usize| image.means[i].is_finite();
+    let pixels = (0..image.means.len()).filter(is_finite);
+    let sum = |list: &Vec<f64>| {
+        pixels.clone().map(|i| list[i] * list[i]).sum::<f64>()
     };
-    let squares = |list: Vec<f64>| list.iter().map(|e| e * e).sum::<f64>();
-    let errors = image.errors.as_ref().map(known);
-    let unknown =
-        errors.iter().flatten().filter(|e| e.is_infinite()).count();
-    let of_pixels = errors.map(squares);
-    let of_tiles = image.tile_errors.as_ref().map(known).map(squares);
-    let of_mean = of_tiles.or(of_pixels);
-    let means = known(&image.means);
+    let errors = image.errors.as_ref();
+    let unknown = errors.map_or(0, |e| {
+        pixels.clone().filter(|&i| e[i].is_infinite()).count()
+    });
+    let of_pixels = errors.map(sum);
+    let of_mean = image.tile_errors.as_ref().map(sum).or(of_pixels);
+    let means: Vec<f64> = pixels.clone().map(|i| image.means[i]).collect();
     let n = means.len() as f64;
     let (least, greatest) = range(&means).unzip();
     let names = image.channels().map(|(name, ..)| name);
@@ -535,8 +479,8 @@ fn facts(path: &Path, image: &Image) -> [(&'static str, Value); 13] {
 fn words(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
-        Value::Array(all) => {
-            all.iter().map(words).collect::<Vec<_>>().join(", ")
+        Value::Array(values) => {
+            values.iter().map(words).collect::<Vec<_>>().join(", ")
         }
         number => {
             let number = number.as_f64().unwrap_or(f64::NAN);
@@ -551,19 +495,25 @@ fn range(values: &[f64]) -> Option<(f64, f64)> {
     Some((least, values.iter().copied().reduce(f64::max)?))
 }
 
-fn diff(files: [&PathBuf; 2], maps: &[Target]) -> Result<ExitCode> {
+fn diff(files: [&Path; 2], to: &Output, quiet: bool) -> Result<ExitCode> {
+    if quiet {
+        progress::set_quiet(true);
+    } else if to.is_standard() {
+        return Err("a map on standard output needs -q".into());
+    }
+    let maps = to.targets(Format::Pgm, None)?;
     let (first, second) = (read(files[0])?, read(files[1])?);
     let difference = compare(&first, &second).map_err(|fault| {
-        let [a, b] = files.map(|path| path.display());
+        let [a, b] = files.map(Path::display);
         fault.of_file(format!("{a} and {b}"))
     })?;
-    for map in maps {
-        let image = display::z_map(&first, &difference, is_grey(map));
-        write(from_ref(map), &image)?;
+    for map in &maps {
+        let is_grey = GREY.contains(&map.0);
+        write(map, &display::z_map(&first, &difference, is_grey))?;
     }
-    if !progress::is_quiet() {
+    if !quiet {
         let mut lines = vec![];
-        // Say what the comparison takes for granted
+        // Report what the comparison takes for granted
         let differing =
             disagreements(&first.attributes, &second.attributes);
         if !differing.is_empty() {
@@ -590,74 +540,8 @@ fn diff(files: [&PathBuf; 2], maps: &[Target]) -> Result<ExitCode> {
                  numbers, and may agree better than independent ones would"
             ));
         }
-        lines.push(explain(&difference));
+        lines.push(difference.to_string());
         say(&lines.join("\n"))?;
     }
     Ok(ExitCode::from(u8::from(!difference.consistent())))
-}
-
-/// The lines that explain a comparison.
-fn explain(difference: &Difference) -> String {
-    if difference.identical {
-        return "identical: all pixels have the same values".to_owned();
-    }
-    let &Difference { rmse, relative_mse, sum, .. } = difference;
-    let (n, z) = (sum.pixels as f64, sum.z());
-    let (mean, error) = (sum.difference / n, sum.variance.sqrt() / n);
-    let mut lines = vec![
-        format!("root mean square difference: {rmse:.6}"),
-        format!("relative mean square difference: {relative_mse:.6}"),
-        format!("mean difference: {mean:.6} ± {error:.6} (z = {z:.2})"),
-    ];
-    let mut failed = vec![];
-    // Tell what the tests have found
-    let blocks = format!("blocks of {SIDE}x{SIDE}");
-    let names = ["pixels", &blocks, "image"];
-    for (name, scale) in names.into_iter().zip(&difference.scales) {
-        // Describe a scale
-        let &Scale { tested, failed: n, largest: (z, x, y) } = scale;
-        let z = z.abs();
-        lines.push(match (tested, n) {
-            (0, _) => format!("{name}: not tested"),
-            (1, 0) => format!("{name}: |z| {z:.2}, not beyond chance"),
-            (1, _) => format!("{name}: |z| {z:.2}, beyond chance"),
-            _ => format!(
-                "{name}: {tested} tested, largest |z| {z:.2} at {x},{y}, \
-                 {n} beyond chance"
-            ),
-        });
-        failed.extend((n > 0).then_some(name));
-    }
-    // Tell whether the errors are plausible
-    let Dispersion { ratio, z, failed: beyond, pixels } =
-        difference.dispersion;
-    if pixels > 0 {
-        let verdict = if beyond { "beyond" } else { "no more than" };
-        lines.push(format!(
-            "errors: differences {ratio:.3} times as large \
-             (z = {z:.2}), {verdict} chance"
-        ));
-    }
-    failed.extend(beyond.then_some("errors"));
-    // Name the pixels that were left out
-    let &Difference { unknown, few, .. } = difference;
-    if unknown > 0 {
-        lines
-            .push(format!("not tested: {unknown} pixels of unknown error"));
-    }
-    if few > 0 {
-        lines.push(format!(
-            "not tested one by one: {few} pixels of fewer than {FEW} \
-             independent samples"
-        ));
-    }
-    // Conclude with the verdict in words
-    lines.push(match &failed.join(", ")[..] {
-        "" => "consistent: chance alone may explain the difference".into(),
-        failed => format!(
-            "inconsistent: chance alone does not explain the difference \
-             (failed: {failed})"
-        ),
-    });
-    lines.join("\n")
 }

@@ -61,13 +61,13 @@ pub fn reference(plan: &Plan) -> Result<Option<Image>> {
         );
         return Err(fault.into());
     }
-    let (name, (w, h)) = (path.display(), camera.window().size);
+    let (w, h) = camera.window().size;
     let Image { width, height, .. } = image;
     if (width, height) != (w, h) {
         let fault = format!(
             "is {width}x{height} pixels large, and the image {w}x{h}"
         );
-        return Err(Error::from(fault).of_file(name));
+        return Err(Error::from(fault).of_file(path));
     }
     // Warn of a reference with our seed
     if image.attributes.get("seed") == Some(&plan.seed.to_string()) {
@@ -98,5 +98,5 @@ pub fn check_reference(
         return Ok(());
     }
     let fault = format!("shows something else than this run: {differing}");
-    Err(Error::from(fault).of_file(path.display()))
+    Err(Error::from(fault).of_file(path))
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{Blocks, Difference};
 use crate::error::{Error, Result};
 use crate::image::levels::radiance;
-use crate::image::{FILTERED, Image, OPACITY};
+use crate::image::{BANDS, FILTERED, Image, OPACITY, luminance};
 use crate::sky::Sky;
 
 /// How radiances brighter than white are treated.
@@ -22,7 +22,8 @@ pub enum Curve {
     Reinhard,
 }
 
-/// The image, made brighter by `exposure` stops, as a screen shows it.
+/// The image, made brighter by `exposure` stops, as a screen shows it, with
+/// its other channels.
 pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
     let scale = libm::exp2(exposure);
     let outside = image.samples.is_none();
@@ -38,7 +39,8 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
             *mean *= (1. + *mean / white / white) / (1. + *mean);
         }
     }
-    Image::plain(image.width, image.height, means)
+    let more = image.more.clone();
+    Image { more, ..Image::plain(image.width, image.height, means) }
 }
 
 /// The image as it is before whatever it is laid over, by its opacity,
@@ -66,6 +68,32 @@ pub fn picture(image: Image) -> Image {
         None => Image { means, more: vec![], ..image },
     }
 }
+
+/// One image of three bands of the same size, red, green and blue, with
+/// their errors and their opacity.
+///
+/// # Panics
+/// There are not three, or one is smaller than the first.
+pub fn join(bands: &[Image]) -> Image {
+    let mut more = vec![];
+    for (i, image) in bands.iter().enumerate() {
+        more.push((BANDS[i], image.means.clone()));
+        let errors = image.errors.iter().cloned();
+        more.extend(errors.map(|errors| (BAND_ERRORS[i], errors)));
+    }
+    let opacity = bands[0].channel(OPACITY).cloned();
+    more.extend(opacity.map(|opacity| (OPACITY, opacity)));
+    let pixel = |i| luminance(&[0, 1, 2].map(|k: usize| bands[k].means[i]));
+    let means = (0..bands[0].means.len()).map(pixel).collect();
+    let mut attributes = bands[0].attributes.clone();
+    attributes.retain(|name, value| {
+        bands.iter().all(|band| band.attributes.get(name) == Some(value))
+    });
+    let Image { width, height, .. } = bands[0];
+    Image { more, attributes, ..Image::plain(width, height, means) }
+}
+
+const BAND_ERRORS: [&str; 3] = ["stderr.R", "stderr.G", "stderr.B"];
 
 /// By how much a picture is brighter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -141,11 +169,11 @@ pub fn errors(image: &Image, relative: bool) -> Result<(Image, f64)> {
     let values = errors.iter().zip(&image.means).map(value);
     let values: Vec<f64> = values.collect();
     // Find the value to show as white
-    let mut known = values.clone();
-    known.retain(|value| value.is_finite());
-    known.sort_by(f64::total_cmp);
-    let last = known.len().checked_sub(1).ok_or("no error is known")?;
-    let white = known[(last as f64 * 0.999).ceil() as usize];
+    let mut finite = values.clone();
+    finite.retain(|value| value.is_finite());
+    finite.sort_by(f64::total_cmp);
+    let last = finite.len().checked_sub(1).ok_or("no error is known")?;
+    let white = finite[(last as f64 * 0.999).ceil() as usize];
     let grey = |value: f64| value / white.max(f64::MIN_POSITIVE);
     let means = values.into_iter().map(|v| grey(v).min(1.)).collect();
     Ok((Image::plain(image.width, image.height, means), white))

@@ -44,8 +44,8 @@ impl Image {
 
     /// One of its other channels, if it has it.
     pub fn channel(&self, name: &str) -> Option<&Vec<f64>> {
-        let mut all = self.more.iter();
-        all.find(|(own, _)| *own == name).map(|(_, values)| values)
+        let mut channels = self.more.iter();
+        channels.find(|(other, _)| *other == name).map(|(_, values)| values)
     }
 
     /// The independent values of pixel `i`; none if the file does not say.

@@ -106,7 +106,7 @@ fn header(image: &dyn Source) -> Header {
     let channels = pixel
         .channels()
         .map(|(name, kind, _)| ChannelDescription::named(name, kind));
-    // Say how large the blocks are
+    // Set the size of the blocks
     let tiles = BlockDescription::Tiles(TileDescription {
         tile_size: Vec2(TILE, TILE),
         level_mode: LevelMode::Singular,
@@ -134,19 +134,20 @@ impl Image {
     ) -> impl Iterator<Item = (&'static str, SampleType, &[f64])> {
         let Self { means, errors, samples, tile_errors, .. } = self;
         let means = self.channel(BANDS[0]).is_none().then_some(means);
-        let own = [
+        let list = [
             (MEAN, SampleType::F32, means),
             (SAMPLES, SampleType::U32, samples.as_ref()),
             (ERROR, SampleType::F32, errors.as_ref()),
             (SHARED, SampleType::F32, tile_errors.as_ref()),
         ];
-        let own = own.into_iter();
-        let own = own.filter_map(|(name, kind, v)| Some((name, kind, v?)));
+        let list = list.into_iter();
+        let list =
+            list.filter_map(|(name, kind, v)| Some((name, kind, v?)));
         let more = self.more.iter();
         let more = more.map(|(name, v)| (*name, SampleType::F32, v));
-        let mut all: Vec<_> = own.chain(more).collect();
-        all.sort_unstable_by_key(|channel| channel.0);
-        all.into_iter().map(|(name, kind, v)| (name, kind, &v[..]))
+        let mut channels: Vec<_> = list.chain(more).collect();
+        channels.sort_unstable_by_key(|channel| channel.0);
+        channels.into_iter().map(|(name, kind, v)| (name, kind, &v[..]))
     }
 }
 
@@ -262,7 +263,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image> {
         let whole = samples.len() == layer.size.area();
         whole.then(|| pixels.clone().map(value).collect())
     };
-    // Take colours where there is no luminance
+    // Compute the luminance of colours
     let coloured = || {
         let [r, g, b] = BANDS.map(values);
         let colours = [r?, g?, b?];

@@ -57,14 +57,14 @@ impl Image {
     /// of three bands; and an opacity, if it has one.
     pub fn shown(&self) -> Vec<Cow<'_, [f64]>> {
         let bands = BANDS.iter().filter_map(|name| self.channel(name));
-        let mut all: Vec<Cow<'_, [f64]>> = bands.map(Cow::from).collect();
-        if all.is_empty() {
-            all.push((&self.means).into());
+        let mut shown: Vec<Cow<'_, [f64]>> = bands.map(Cow::from).collect();
+        if shown.is_empty() {
+            shown.push((&self.means).into());
         }
         let opacity = self.channel(OPACITY).into_iter();
-        let opacity = opacity.map(|all| all.iter().map(|&a| radiance(a)));
-        all.extend(opacity.map(|all| Cow::Owned(all.collect())));
-        all
+        let opacity = opacity.map(|list| list.iter().map(|&a| radiance(a)));
+        shown.extend(opacity.map(|list| Cow::Owned(list.collect())));
+        shown
     }
 }
 
@@ -125,7 +125,7 @@ pub fn write_levels<B: IntoIterator<Item = u8>>(
     let fill = fill(image);
     let row = |y, part: Image| -> Vec<u8> {
         let first = y / SIDE * width.div_ceil(SIDE);
-        let known = |x: u32, value: f64| match value.is_nan() {
+        let or_filled = |x: u32, value: f64| match value.is_nan() {
             true => fill[(first + x / SIDE) as usize],
             false => value,
         };
@@ -133,7 +133,7 @@ pub fn write_levels<B: IntoIterator<Item = u8>>(
         let (mut bytes, mut last) = (vec![], (0., 0));
         for x in 0..width {
             for list in &shown {
-                let value = known(x, list[x as usize]);
+                let value = or_filled(x, list[x as usize]);
                 if value != last.0 {
                     last = (value, level(value, white));
                 }

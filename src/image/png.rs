@@ -76,7 +76,7 @@ fn gamma(info: &Info, note: Note) -> Option<f64> {
         coded.map(|c| c.transfer_function).filter(|c| [8, 13].contains(c));
     let gamma = info.gama_chunk.map(|g| f64::from(g.into_scaled()) / 1e5);
     let gamma = gamma.filter(|gamma| (0.01..=100.).contains(gamma));
-    // Tell which chunks are ignored
+    // Report the chunks that are ignored
     for (kind, is_there, is_taken) in [
         ("cICP", said.is_some(), coded.is_some()),
         ("iCCP", info.icc_profile.is_some(), coded.is_some()),

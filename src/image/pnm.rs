@@ -48,7 +48,7 @@ pub fn write_numbers(
 pub fn read(mut bytes: &[u8], note: Note) -> Result<Image> {
     let mut next = || word(&mut bytes).ok_or("its header is damaged");
     let (kind, width, height, unit) = (next()?, next()?, next()?, next()?);
-    // Take the size and the unit from the header
+    // Parse the size and the unit in the header
     let side = |text: &str| text.parse().ok().filter(|&n: &u32| n > 0);
     let size = side(width).zip(side(height));
     let (width, height) = size
@@ -60,7 +60,7 @@ pub fn read(mut bytes: &[u8], note: Note) -> Result<Image> {
     });
     let unit = scale.ok_or(format!("its header has a scale of {unit}"))?;
     let unit = f64::from(unit);
-    // Take the words of a portable map
+    // Read the words of a portable map
     let (channels, size) = match kind {
         "P2" | "P5" => (1, if unit > 255. { 2 } else { 1 }),
         "Pf" => (1, 4),
@@ -143,7 +143,7 @@ fn raster<'a>(
         _ => 1,
     };
     let data = rest.get(start..).unwrap_or_default();
-    // Take what was promised
+    // Split off what was promised
     let (data, others) = data.split_at_checked(size).ok_or_else(|| {
         let held = data.len();
         format!("it has {held} bytes of pixels; its header says {promised}")

@@ -107,15 +107,15 @@ fn unpack(
     source: &[u8],
     warnings: &mut Vec<Diagnostic>,
 ) -> Result<Vec<u8>> {
-    let (mut all, mut rest) = (Vec::new(), source);
+    let (mut out, mut rest) = (Vec::new(), source);
     for part in 1.. {
         let zeros = rest.iter().take_while(|byte| **byte == 0);
         rest = &rest[zeros.count()..];
         let begin = source.len() - rest.len();
         let unpacked = match format(rest) {
             _ if rest.is_empty() => break,
-            Some("gzip") => GzDecoder::new(&mut rest).read_to_end(&mut all),
-            Some("zstd") => unzstd(&mut rest, &mut all),
+            Some("gzip") => GzDecoder::new(&mut rest).read_to_end(&mut out),
+            Some("zstd") => unzstd(&mut rest, &mut out),
             _ if kind == "zstd" => Err(io::Error::other("no frame")),
             _ => {
                 let what =
@@ -129,7 +129,7 @@ fn unpack(
         let faulty = |e| format!("the {kind} file {} {place}", fault(&e));
         unpacked.map_err(faulty)?;
     }
-    Ok(all)
+    Ok(out)
 }
 
 fn fault(error: &io::Error) -> &'static str {

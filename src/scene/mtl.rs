@@ -33,19 +33,19 @@ pub fn read_mtl(
     source: &[u8],
     file: &str,
     used: &BTreeSet<&str>,
-    all: &mut Library,
+    library: &mut Library,
 ) -> Result<()> {
     let mut odd = vec![];
     let text = encoding::text(source, &mut odd)?;
     let text = &join(plain(&text)?)[..];
-    all.warnings.extend(odd.into_iter().map(|odd| odd.of_file(file)));
+    library.warnings.extend(odd.into_iter().map(|odd| odd.of_file(file)));
     let mut material = String::new();
     for line in lines(text) {
         if name(line) == b"newmtl" {
             material = rest(line);
         } else if used.contains(&material[..]) {
             // Read a statement of a material
-            let kd = all.diffuse.entry(material.clone());
+            let kd = library.diffuse.entry(material.clone());
             let judged = judge(line, kd);
             let judged = judged.map_err(|what| at(text, line, what))?;
             let Some(kind) = judged else { continue };
@@ -54,7 +54,7 @@ pub fn read_mtl(
                 let what = format!("material {m} is {kind}, not rendered");
                 (at(text, line, what).of_file(file), 0)
             };
-            all.ignored.entry(kind).or_insert_with(first).1 += 1;
+            library.ignored.entry(kind).or_insert_with(first).1 += 1;
         }
     }
     Ok(())

@@ -89,7 +89,7 @@ pub fn read_pieces(
     let parts: Vec<_> = pieces.par_iter().zip(before).map(read).collect();
     let parts = parts.into_iter().collect::<Result<Vec<_>, _>>();
     let parts = parts.map_err(|(line, what)| at(text, line, what))?;
-    // Put the meshes one behind the other
+    // Concatenate the meshes
     let count = parts.iter().map(|part| part.triangles.len()).sum();
     countable(total.max(count))?;
     let mut mesh = Mesh::default();
@@ -152,8 +152,8 @@ fn set_aside(
 
 /// The statement of this name with a number from 0.
 fn find<'a>(text: &'a [u8], named: &[u8], number: usize) -> &'a [u8] {
-    let mut all = lines(text).filter(|line| name(line) == named);
-    all.nth(number).unwrap_or(text)
+    let mut named_so = lines(text).filter(|line| name(line) == named);
+    named_so.nth(number).unwrap_or(text)
 }
 
 /// Refuses more elements than can be named.

@@ -20,7 +20,7 @@ use crate::sensor::{Oddity, Point, Receivers};
 /// Formats of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TableFormat {
-    /// Comma-separated values.
+    /// Comma-singled values.
     Csv,
     /// Points or a mesh with a value each.
     Ply,
@@ -44,7 +44,7 @@ impl TableFormat {
                 "receivers have no image: expected .csv or .ply, or .obj, \
                  which shows values of --vertices",
             )
-            .of_file(path.display())),
+            .of_file(path)),
         }
     }
 }
@@ -99,7 +99,7 @@ impl Table {
     /// The receivers, in its order.
     pub fn receivers(&self, scene: &Scene) -> Receivers {
         match &self.shape {
-            Shape::Points(all) => Receivers::points(all, &scene.frame),
+            Shape::Points(list) => Receivers::points(list, &scene.frame),
             Shape::Vertices => Receivers::vertices(&scene.triangles),
             Shape::Faces(faces) => {
                 let place = |i: u32| scene.triangles.vertices[i as usize];
@@ -123,7 +123,7 @@ impl Table {
         receivers: &Receivers,
         is_told: impl Fn(Oddity, u32) -> bool,
     ) -> Vec<Diagnostic> {
-        let (all, name) = (receivers.asked, self.shape.name());
+        let (asked, name) = (receivers.asked, self.shape.name());
         let odd = receivers.odd.iter().filter(|(why, n)| is_told(*why, *n));
         let odd: Vec<_> = odd.copied().collect();
         let kinds = odd.chunk_by(|a, b| a.0 == b.0).map(|kind| {
@@ -131,7 +131,7 @@ impl Table {
             let value = if has_value { "a doubtful" } else { "no" };
             let (n, first) = (kind.len(), self.place(first as usize));
             let text = format!(
-                "{value} value for {n} of {all} {name}: {why}, the first {first}"
+                "{value} value for {n} of {asked} {name}: {why}, the first {first}"
             );
             Diagnostic::from(text).of_file(&self.file)
         });
@@ -141,7 +141,7 @@ impl Table {
     /// Where a receiver is in its file.
     fn place(&self, number: usize) -> String {
         match (&self.shape, self.face(number)) {
-            (Shape::Points(all), _) => format!("in line {}", all[number].2),
+            (Shape::Points(set), _) => format!("in line {}", set[number].2),
             (_, (face, true)) => format!("the back of {}", face + 1),
             (_, (face, false)) => (face + 1).to_string(),
         }
@@ -210,8 +210,8 @@ impl Table {
         for (i, ([value, error], samples)) in values.iter().enumerate() {
             let mut more = String::new();
             let place = match &self.shape {
-                Shape::Points(all) => {
-                    [all[i].0, all[i].1].map(typed).join(",")
+                Shape::Points(points) => {
+                    [points[i].0, points[i].1].map(typed).join(",")
                 }
                 Shape::Vertices => {
                     format!("{},{}", i + 1, typed(self.mesh.vertices[i]))
@@ -284,11 +284,11 @@ impl Table {
         writeln!(out, "end_header")?;
         // Find a corner, its normal and its receiver
         let corner = |i: usize| match &self.shape {
-            Shape::Points(all) => (all[i].0, Some(all[i].1), i),
+            Shape::Points(points) => (points[i].0, Some(points[i].1), i),
             Shape::Vertices => (vertices[i], None, i),
             Shape::Faces(faces) => {
-                let all = triangles.len();
-                let (side, k) = (i / 3 / all, i / 3 % all);
+                let count = triangles.len();
+                let (side, k) = (i / 3 / count, i / 3 % count);
                 let mut corners =
                     triangles[k].map(|i| vertices[i as usize]);
                 if self.backs[side] {
@@ -315,8 +315,9 @@ impl Table {
         }
         // Write the triangles of a PLY
         for i in 0..count as u32 {
-            let own = [0, 1, 2].map(|k| 3 * i + k);
-            let corners = if is_soup { own } else { triangles[i as usize] };
+            let single = [0, 1, 2].map(|k| 3 * i + k);
+            let corners =
+                if is_soup { single } else { triangles[i as usize] };
             out.write_all(&[3])?;
             out.write_all(&corners.map(u32::to_le_bytes).concat())?;
         }

@@ -109,7 +109,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
         }
         // Take the sums and the costs of a state
         let filled = state.fill(&mut film);
-        filled.map_err(|fault| fault.of_file(name))?;
+        filled.map_err(|fault| fault.of_file(path))?;
         merged.film.merge(&film);
         total.rays += report.convergence.rays;
         total.seconds += report.convergence.seconds;

@@ -113,8 +113,7 @@ fn corner() -> Mesh {
             corner(0., -1., 1.),
         ],
         triangles: vec![[0, 1, 2], [0, 2, 3], [0, 1, 4], [0, 4, 5]],
-        joined: vec![],
-        marks: vec![],
+        ..Mesh::default()
     }
 }
 

@@ -9,17 +9,10 @@
 use std::error::Error;
 
 use glam::DVec3;
-use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Intersector, Isa, Quality};
-use litpt::camera::Camera;
 use litpt::film::Film;
-use litpt::integrator::PathTracer;
-use litpt::materials::Surfaces;
 use litpt::render::{Job, Renderer};
-use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene};
-use litpt::sensor::Sensor;
-use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{
     Outcome, Setting, cavity, cavity_radiance, closed_forms, look, pixel,
@@ -204,22 +197,14 @@ fn moved() -> Result<u32, Box<dyn Error>> {
 /// The image of a cavity has the same bytes from each set of instructions
 /// of this processor, and from any number of threads.
 fn alike() -> Result<u32, Box<dyn Error>> {
-    let scene = Scene::new(&cavity(0.1, 16));
+    let mesh = cavity(0.1, 16);
+    let scene = Scene::new(&mesh);
     let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 70.);
-    let camera = Camera::new(&view, 1.)?;
-    let integrator = PathTracer::new(Surfaces::of(0.9), Sky::new(DVec3::Z));
-    let entrance = scene.frame.entrance(camera.position);
-    let sensor = &Sensor::Camera(camera, entrance);
+    let setting = Setting::new(&mesh, (0.9, DVec3::Z), &view, 1.)?;
     let render = |isa, threads| -> Result<Film, Box<dyn Error>> {
-        let intersector = Bvh::with(&scene, Quality::FAST, isa)?;
+        let intersector = &Bvh::with(&scene, Quality::FAST, isa)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
-        let mut job = Job {
-            sensor,
-            intersector: &intersector,
-            integrator,
-            known_pixels: KnownPixels::NOTHING,
-            sampler: IndependentSampler::new(1),
-        };
+        let mut job = Job { intersector, ..setting.job(1) };
         let mut film = Film::new(64, 48);
         pool.install(|| job.pass(&mut film, 16, &|_| true));
         Ok(film)

@@ -7,15 +7,53 @@
 //! What is asked of each ray, and from where the tolerances come, is said at
 //! `Mixture::check`, `judge` and `Mixture::keeps_clear`.
 
-use crate::prelude::*;
+mod twofold;
 
 use std::ops::Range;
 
-use litpt_book::escapes::uniform;
+use glam::DVec3;
+use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
+use litpt::sampler::cosine_direction;
+use litpt::scene::{Mesh, Ray, Scene, Triangle, Triangles};
+use rand::RngExt;
 use rand::seq::{IndexedRandom, SliceRandom};
+use rand_pcg::Pcg64Mcg;
 
-use super::twofold::{Cut, U, cut, gap};
-use super::{Random, Shape, Tally, log_uniform, on};
+use crate::escapes::{point, uniform};
+use twofold::{Cut, U, cut, gap};
+
+/// An object of a scene, with points inside if it is closed.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    pub triangles: Vec<Triangle>,
+    pub inside: Vec<DVec3>,
+}
+
+/// What has been seen by some paths.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seen {
+    pub rays: usize,
+    /// Rays whose first hit was the only one that is allowed.
+    pub certain: usize,
+    /// Points of paths inside a closed solid.
+    pub inside: usize,
+    /// Paths that were given up because of a wall along the ray.
+    pub excused: usize,
+}
+
+impl Seen {
+    pub fn add(&mut self, other: Self) {
+        self.rays += other.rays;
+        self.certain += other.certain;
+        self.inside += other.inside;
+        self.excused += other.excused;
+    }
+}
+
+/// A power of ten.
+pub fn power(from: f64, to: f64, random: &mut Pcg64Mcg) -> f64 {
+    10f64.powf(from + (to - from) * random.random::<f64>())
+}
 
 /// How far the origin of a ray may be moved before it is traced: coordinates
 /// below 2^-100 count as zero (section "Exact signs").
@@ -30,7 +68,7 @@ pub struct Mixture<'a> {
     reach: f64,
     objects: Vec<Object>,
     bvhs: Vec<(String, Bvh)>,
-    random: &'a mut Random,
+    random: &'a mut Pcg64Mcg,
 }
 
 struct Placed {
@@ -57,7 +95,7 @@ impl<'a> Mixture<'a> {
     pub fn new(
         mesh: &Mesh,
         shapes: &[Shape],
-        random: &'a mut Random,
+        random: &'a mut Pcg64Mcg,
     ) -> Result<Self, String> {
         let scene = Scene::new(mesh);
         let corner = |i: u32| scene.triangles.vertices[i as usize];
@@ -103,11 +141,20 @@ impl<'a> Mixture<'a> {
         })
     }
 
-    /// Follows a path in all hierarchies at once.
-    pub fn follow(&mut self, tally: &mut Tally) -> Result<(), String> {
-        if self.scene.triangles.is_empty() {
-            return Ok(());
+    /// Follows so many paths.
+    ///
+    /// # Errors
+    /// A finding.
+    pub fn follow(&mut self, paths: usize) -> Result<Seen, String> {
+        let mut seen = Seen::default();
+        if !self.scene.triangles.is_empty() {
+            (0..paths).try_for_each(|_| self.follow_one(&mut seen))?;
         }
+        Ok(seen)
+    }
+
+    /// Follows a path in all hierarchies at once.
+    fn follow_one(&mut self, seen: &mut Seen) -> Result<(), String> {
         let origin = self.camera();
         let Some(direction) = self.towards(origin) else { return Ok(()) };
         let mut ray = Ray { origin, direction };
@@ -115,7 +162,7 @@ impl<'a> Mixture<'a> {
         let mut is_clear = self.touched(origin, MOVED).is_none();
         let mut rooms = self.rooms(origin);
         for _ in 0..6 {
-            let Some(hit) = self.check(&ray, &mut from, tally)? else {
+            let Some(hit) = self.check(&ray, &mut from, seen)? else {
                 return match is_clear && rooms.contains(&Some(true)) {
                     true => Err(format!("{ray:?} leaves a solid")),
                     false => Ok(()),
@@ -125,13 +172,13 @@ impl<'a> Mixture<'a> {
                 rooms = match self.keeps_clear(&ray, &hit, &rooms) {
                     Ok(rooms) => rooms,
                     Err(_) if self.is_along_a_wall(&ray, &hit, from[0]) => {
-                        tally.excused += 1;
+                        seen.excused += 1;
                         return Ok(());
                     }
                     Err(finding) => return Err(finding),
                 };
                 let is_inside = rooms.contains(&Some(true));
-                tally.inside += usize::from(is_inside);
+                seen.inside += usize::from(is_inside);
             }
             is_clear &= self.touched(hit.point, MOVED).is_none();
             let Some(direction) = self.onwards(&hit) else { break };
@@ -150,7 +197,7 @@ impl<'a> Mixture<'a> {
         &self,
         ray: &Ray,
         from: &mut [Option<u32>],
-        tally: &mut Tally,
+        seen: &mut Seen,
     ) -> Result<Option<Hit>, String> {
         let face = |i: usize, slot| self.bvhs[i].1.face(slot);
         let left = from[0].map(|slot| face(0, slot) as usize);
@@ -161,7 +208,7 @@ impl<'a> Mixture<'a> {
                 return Err(format!("{ray:?} {left:?}: {name}: occluded?"));
             }
             if i == 0 {
-                tally.rays += 1;
+                seen.rays += 1;
                 first = hit;
             }
             let place = |i: usize, hit: Hit| {
@@ -178,8 +225,7 @@ impl<'a> Mixture<'a> {
         }
         let found = first.map(|hit| face(0, hit.primitive) as usize);
         let number = self.allows(ray, left, found)?;
-        tally.certain +=
-            usize::from(number == usize::from(found.is_some()));
+        seen.certain += usize::from(number == usize::from(found.is_some()));
         Ok(first)
     }
 
@@ -307,10 +353,10 @@ impl<'a> Mixture<'a> {
 
     /// A point of an object, and the object's size.
     fn aim(&mut self) -> (DVec3, f64) {
-        let object = self.objects.choose(self.random).unwrap();
+        let object = self.objects.choose(self.random).expect("an object");
         let own = &self.triangles[object.triangles.clone()];
-        let t = own.choose(self.random).unwrap();
-        (on(&t.corners, self.random), object.size)
+        let t = own.choose(self.random).expect("a triangle");
+        (point(&[t.corners], self.random), object.size)
     }
 
     /// Where a path begins.
@@ -322,9 +368,9 @@ impl<'a> Mixture<'a> {
             (Some(inside), 0..4) => inside,
             (_, 7) => uniform(self.random) * self.reach,
             _ => {
-                let (point, size) = self.aim();
-                let away = size * log_uniform(-3., 2., self.random);
-                point + uniform(self.random) * away
+                let (aim, size) = self.aim();
+                let away = size * power(-3., 2., self.random);
+                aim + uniform(self.random) * away
             }
         };
         place.clamp(DVec3::splat(-2e4), DVec3::splat(2e4))
@@ -334,7 +380,7 @@ impl<'a> Mixture<'a> {
     fn towards(&mut self, origin: DVec3) -> Option<DVec3> {
         let (aim, size) = self.aim();
         let aside = match self.random.random_range(0..3) {
-            0 => size * log_uniform(-18., 0., self.random),
+            0 => size * power(-18., 0., self.random),
             _ => 0.,
         };
         let any = uniform(self.random);
@@ -363,7 +409,7 @@ impl<'a> Mixture<'a> {
 /// another order, built with less and with more care.
 fn bvhs(
     scene: &Scene,
-    random: &mut Random,
+    random: &mut Pcg64Mcg,
 ) -> Result<Vec<(String, Bvh)>, String> {
     let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
     let mut ways: Vec<_> =
