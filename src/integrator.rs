@@ -151,7 +151,7 @@ pub struct PathTracer<'a> {
 
 /// The throughput below which roulette decides: that of the path tracer on
 /// Embree with which ours is compared, for the same lengths of paths.
-const ROULETTE_THRESHOLD: f64 = 0.1;
+pub const ROULETTE_THRESHOLD: f64 = 0.1;
 
 /// Bounces from which on a path ends by chance, rare in ordinary scenes.
 pub const MANY_BOUNCES: u64 = 1000;

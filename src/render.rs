@@ -9,6 +9,7 @@
 //! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod choose;
+pub mod trace;
 
 use std::array;
 use std::ops::Range;

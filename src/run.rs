@@ -183,6 +183,41 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// What happens to sample `n` of a pixel, or of a receiver by its number
+    /// in the file, from 0, in words; a gather learns first.
+    ///
+    /// # Errors
+    /// There is no such pixel or receiver, or it has no value.
+    pub fn trace_sample(
+        &mut self,
+        (x, y): (u32, u32),
+        n: u64,
+    ) -> Result<String> {
+        let World { bvh, analysis, frame, .. } = self.world;
+        let window = self.key.windows()[0];
+        let row = match self.world.table() {
+            Some((_, all)) => all.numbers.iter().position(|&it| it == y),
+            None => Some(y as usize),
+        };
+        let (left, top) = window.corner;
+        let (right, bottom) = window.end();
+        let row = row.map(|row| row as u32);
+        let row = row.filter(|row| (top..bottom).contains(row));
+        let column = (left..right).contains(&x).then_some(x);
+        let Some(pixel) = column.zip(row) else {
+            let fault =
+                format!("--sample {x},{y}: nothing is rendered there");
+            return Err(Error::value("sample", format!("{x},{y}"), fault));
+        };
+        let view = self.world.view();
+        let setup = Setup { intersector: bvh, view, analysis };
+        self.renderer.learn(&self.key.film(), &|_| true);
+        let trace =
+            setup.trace_sample(&self.key.sampling, &self.learnt, pixel, n);
+        let text = trace.map(|trace| trace.text(bvh, frame));
+        Ok(text.unwrap_or("nothing was learnt\n".to_owned()))
+    }
+
     /// The report of the run, which has not begun.
     pub fn report(&self) -> Report {
         let Self { plan, world, key, .. } = self;

@@ -45,6 +45,7 @@ mod shards;
 mod sobol;
 mod statistics;
 mod stiff;
+mod trace;
 mod traversal;
 mod view;
 

@@ -130,21 +130,25 @@ fn a_fact_that_differs_is_named_with_both_values() {
 /// What a gather has learnt comes back, and what none can learn is refused.
 #[test]
 fn what_cannot_be_learnt_is_refused() {
-    let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 70.);
-    let (mesh, sky) = (cavity(0.2, 24), (0.8, DVec3::Z));
-    let setting = Setting::new(&mesh, sky, &view, 9. / 7.).unwrap();
+    let view = View { up: DVec3::Z, ..look(DVec3::ZERO, DVec3::Y, 70.) };
+    let (room, sky) = (read_obj(ROOM.as_bytes()), (1., DVec3::Z));
+    let setting =
+        Setting::new(&room.unwrap(), sky, &view, 9. / 7.).unwrap();
     let run_key = run_key_with(json!({
         "resolution": [9, 7], "method": "gather", "replicate": 4
     }));
     let mut gather = setting.gather((9, 7));
     gather.learn(&run_key.film(), &|_| true);
-    let learnt = gather.learnt;
+    let mut saved = vec![];
+    write(&gather.learnt, &mut saved).unwrap();
+    let learnt = read(&mut &*saved, &run_key).unwrap();
     let cache = &learnt.get().unwrap().cache;
     let (cells, guides) = (cache.cells.len(), cache.guides.len());
     let mut whole = vec![];
     write(&learnt, &mut whole).unwrap();
     let read = |bytes: &[u8]| read(&mut &*bytes, &run_key);
-    assert!(read(&whole).unwrap() == learnt && guides > 0);
+    assert!(read(&whole).unwrap() == learnt && whole == saved);
+    assert!(guides > 0, "{cells} cells without a guide");
     let first = whole.iter().position(|&b| b == b'\n').unwrap() + 1;
     let of_guides = first + 16 * cells;
     let of_counts = of_guides + 544 * guides;

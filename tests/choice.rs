@@ -8,7 +8,7 @@ use crate::prelude::*;
 const SIZE: (u32, u32) = (48, 32);
 
 /// A box with a hole in its roof, seen from within.
-const BOX: &str = "\
+pub const BOX: &str = "\
 v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
 v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
 v -.2 -1 1\nv .2 -1 1\nv .2 1 1\nv -.2 1 1\n\

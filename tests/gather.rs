@@ -863,8 +863,7 @@ fn threads_and_instructions_do_not_change_a_bit_of_any_method() {
 fn a_checkpoint_decides_the_method_and_how_many_samples_are_placed_together()
  {
     let place = Scratch::new();
-    let open = BOX.replace("f 5 6 7 8\n", "");
-    place.put("box.obj", open);
+    place.put("box.obj", crate::choice::BOX);
     let method = |options: &str| {
         let view = "box.obj -p-.9,-.8,0 -t1,1,-.3 -r0.8 -d64x48 -q -f";
         place.done(&format!("{view} -oa.exr --report=r.json {options}"));

@@ -184,13 +184,14 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     let again = run("-p0,0,0 -d9x7 room.obj").unwrap();
     assert!(again.contains("room.png: the file exists"), "{again}");
     // Nothing is written where nothing is rendered.
-    let why = run("-p0,0,0 room.obj --explain").unwrap();
+    let why = run("-p0,0,0 room.obj --dry-run").unwrap();
     assert!(why.contains("background"), "{why}");
     let saved = "-p0,0,0 -d9x7 room.obj -f --checkpoint c -n2";
     assert!(run(saved).unwrap().contains("file      room.png"));
     let on = run("--resume c -n3").unwrap();
     assert!(on.contains("3 of 3 spp"), "{on}");
-    let more = place.render("-d9x7 --format=png -n3");
+    let more = "-d9x7 --format=png -n3 --exposure=auto";
+    let more = place.render(more);
     assert!(place.get("room.png") == more);
     // Who asks for a format wants it on the terminal.
     let pgm = run("-p0,0,0 -d9x7 room.obj -q --format=pgm").unwrap();

@@ -50,13 +50,11 @@ fn picture(reach: f64, x: f64) -> [f64; 2] {
     [mean, mean_stderr]
 }
 
-/// Of 11 normal differences, one is farther off than this, times its standard
-/// error, with a probability of 0.001. The pictures have the same random
-/// numbers, so that theirs are rather smaller.
-const SIDAK: f64 = 3.92;
-
+/// The pictures have the same random numbers, so that their differences are
+/// rather smaller than those of independent ones.
 #[test]
 fn a_ball_looks_the_same_on_any_plane() {
+    let chance = &mut Chance::default();
     let [expected, error] = picture(1e5, 0.);
     for exponent in 6..=11 {
         let reach = 10f64.powi(exponent);
@@ -65,9 +63,8 @@ fn a_ball_looks_the_same_on_any_plane() {
                 continue; // The same mean, after ten seconds.
             }
             let [mean, own] = picture(reach, x);
-            let limit = SIDAK * error.hypot(own);
-            let off = (mean - expected).abs();
-            assert!(off < limit, "{reach:e} {x}: {off} {limit}");
+            let z = (mean - expected) / error.hypot(own);
+            chance.normal(z, &format!("{reach:e} {x}"));
         }
     }
 }

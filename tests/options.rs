@@ -210,8 +210,8 @@ fn what_is_no_option_or_has_no_value_is_named() {
     refused(&["-p", "0,1,2", "-4", "5"], &["'-4'", "one word: 1,2,3"]);
     // What is likely meant is told.
     for (words, meant) in [
-        ("--error max", "--error-of max is what it limits"),
-        ("--error rms", "--error-of rms is what it limits"),
+        ("--error max", "--error-norm max is what it limits"),
+        ("--error rms", "--error-norm rms is what it limits"),
         ("--samples 64", "-n is the number of samples"),
         ("--faces both", "--faces=both is one word"),
         ("--faces front -r0", "--faces=front is one word"),
@@ -272,7 +272,7 @@ fn a_resumed_run_has_its_plan_with_other_limits_and_outputs() {
     assert_eq!(files(&more), names.map(std::path::PathBuf::from));
     for (words, name) in [
         (&["-r0.5"][..], "--albedos: the run that is resumed has another"),
-        (&["-s1"], "another seed"),
+        (&["-s1"], "--seed"),
         (&["--points=p"], "--points"),
         (&["--preview", "-ob.pfm"], "--preview needs a PNG"),
     ] {
@@ -344,7 +344,7 @@ fn the_help_lists_every_option_with_its_default_and_the_licence() {
         assert!(line.contains(&default), "{line}");
     }
     let texts = "-f, --force|-q, --quiet|-h, --help|-V, --version|\
-                 [default: standard input, as is -]|definition|\
+                 [default: standard input, or -]|definition|\
                  realisations|reflectivity|Usage: pt|Exit status: 0|\
                  before --error was reached|\
                  Copyright (C) 2026 litpt contributors|\

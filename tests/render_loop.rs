@@ -531,7 +531,7 @@ fn time_for_writing_is_kept_in_reserve() {
 #[test]
 fn what_ends_the_program_before_there_is_a_sample_is_said() {
     for (stop, why) in [
-        (Stop::Time, "no image: --time was over while reading"),
+        (Stop::Time, "no image: --time ran out while reading"),
         (Stop::Signal(2), "no image: signal 2 came while reading"),
     ] {
         assert_eq!(stop.without_image("reading"), why);

@@ -196,7 +196,7 @@ fn every_kind_is_valid_at_every_moment_of_a_run() {
         assert_eq!(rows.count(), n + 1);
         let drawings = named(&html, "svg").filter(outermost).count();
         assert_eq!(drawings, usize::from(n >= 2), "{n} points");
-        assert!(words(&html).contains("Run goes on"));
+        assert!(words(&html).contains("Run still running"));
     }
 }
 
@@ -427,7 +427,7 @@ fn the_page_begins_with_the_verdict_the_curve_the_image_and_its_error() {
     let page = html_of(&ordinary());
     let places = [
         "<h1>",
-        "Run goes on",
+        "Run still running",
         "<svg",
         "alt=\"The rendered image\"",
         "alt=\"A map of the standard error\"",

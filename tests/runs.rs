@@ -100,7 +100,7 @@ fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
     assert_eq!(report["rmse"], Value::Null);
     assert_eq!(report["mean_stderr"], Value::Null);
     let run = place.done(&short);
-    let warning = "warning: to load, to build and to make one sample";
+    let warning = "warning: loading, building and the first sample";
     assert!(run.stderr.contains(warning), "{}", run.stderr);
 }
 
@@ -322,7 +322,8 @@ fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
     // The pipe stays open: nothing but the signal ends the program.
     let wait = |_: &_| thread::sleep(Duration::from_millis(1));
     let run = until_the_end(child, 30, wait);
-    let line = "error: no image: signal 15 came while reading\n";
+    let line =
+        "error: no image: signal 15 came while reading standard input\n";
     assert_eq!((run.status, run.stderr.as_str()), (Some(143), line));
     place.holds_only(&[]);
 }

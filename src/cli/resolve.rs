@@ -7,6 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use serde_json::json;
 
 use super::options::{Error, Options, usage};
 use super::values::Norm;
@@ -37,7 +38,11 @@ impl Options {
     ) -> Result<Plan, Error> {
         let fault = |fault: String| usage(fault, "pt");
         let plan = match saved {
-            None => self.new_plan(is_terminal)?,
+            None => {
+                let mut plan = self.new_plan();
+                plan.outputs = self.new_outputs(&plan, is_terminal)?;
+                plan
+            }
             Some(saved) => self.resumed(saved)?,
         };
         match self.misfit(&plan) {
@@ -46,8 +51,8 @@ impl Options {
         }
     }
 
-    /// The plan of a new run.
-    fn new_plan(&self, is_terminal: bool) -> Result<Plan, Error> {
+    /// The plan of a new run, without its outputs.
+    fn new_plan(&self) -> Plan {
         let Self { scene, limits, parts, execution, .. } = self;
         let named = scene.scene.as_ref().or(scene.input.as_ref());
         let unnamed = |(name, _): &&(String, f64)| name.is_empty();
@@ -78,8 +83,7 @@ impl Options {
             ..Plan::default()
         };
         self.limit(&mut plan);
-        plan.outputs = self.new_outputs(&plan, is_terminal)?;
-        Ok(plan)
+        plan
     }
 
     /// What senses the light.
@@ -215,61 +219,40 @@ impl Options {
         let has = |names: &[&str]| {
             self.given.iter().any(|given| names.contains(&&given[..]))
         };
-        // Refuse what would change a sample
-        let allowed = [LIMITS, FILES, OTHERS].concat();
-        let not = |id: &&String| !allowed.contains(&&id[..]);
-        if let Some(id) = self.given.iter().find(not) {
-            let typed = self.new_plan(false)?;
-            if let Some(what) = differing(&typed, saved) {
-                let name = format!("--{}", id.replace('_', "-"));
-                let fault = format!(
-                    "{name}: the run that is resumed has another {what}; only \
-                     limits, outputs, -j, -q and --isa may change"
-                );
-                return Err(usage(fault, "pt"));
-            }
-        }
+        self.refuse_other_samples(saved)?;
         let mut plan = saved.clone();
         if has(LIMITS) {
             self.limit(&mut plan);
         }
         let Self { scene, outputs, parts, execution, .. } = self;
+        let reference = outputs.reference.clone();
+        plan.reference = reference.or(plan.reference);
         if let Some(path) = scene.scene.as_ref().or(scene.input.as_ref()) {
             plan.scene.clone_from(path);
         }
         plan.shortcuts &= !execution.no_shortcuts;
         plan.threads = execution.threads.or(plan.threads);
         plan.isa = execution.isa.unwrap_or_else(Isa::best);
-        // Replace the files that are named anew
-        let old = saved.outputs.files.iter().map(|(_, path)| path.clone());
-        let old = old.chain(parts.resume.clone());
-        let state = |all: &[(Product, PathBuf)]| {
-            let mut states = all.iter().filter(|f| f.0 == Product::State);
-            states.next().cloned()
-        };
+        // Take the files that are named anew, and keep the others
         let typed = self.files(&plan, &outputs.output)?;
+        let is_state = |file: &(Product, _)| file.0 == Product::State;
+        let is_new = |(product, _): &(Product, PathBuf)| match product {
+            Product::State => typed.iter().any(is_state),
+            Product::Report(_) => has(&["report"]),
+            _ => has(&["output", "format"]),
+        };
+        let old = saved.outputs.files.iter();
+        let kept = old.clone().filter(|file| !is_new(file));
+        let new = typed.iter().filter(|file| is_new(file));
+        let mut files: Vec<_> = new.chain(kept).cloned().collect();
+        let resumed = parts.resume.clone().unwrap_or_default();
+        if !files.iter().any(is_state) {
+            files.push((Product::State, resumed.clone()));
+        }
+        let old = old.map(|(_, path)| path.clone()).chain([resumed]);
         let all = &mut plan.outputs;
         all.replaced.extend(old);
-        let kept = state(&typed).or(state(&all.files));
-        let resumed = parts.resume.clone().unwrap_or_default();
-        let kept = kept.unwrap_or((Product::State, resumed));
-        let is_report =
-            |file: &(Product, _)| matches!(file.0, Product::Report(_));
-        let is_image = |file: &(Product, _)| {
-            file.0 != Product::State && !is_report(file)
-        };
-        let pick =
-            |is_new: bool,
-             is_meant: &dyn Fn(&(Product, PathBuf)) -> bool| {
-                let from = if is_new { &typed } else { &all.files };
-                from.iter()
-                    .filter(|f| is_meant(f))
-                    .cloned()
-                    .collect::<Vec<_>>()
-            };
-        let images = pick(has(&["output", "format"]), &is_image);
-        let reports = pick(has(&["report"]), &is_report);
-        all.files = [images, vec![kept], reports].concat();
+        all.files = files;
         all.force = outputs.force;
         all.preview |= outputs.preview;
         all.exposure = outputs.exposure.or(all.exposure);
@@ -278,6 +261,27 @@ impl Options {
         all.checkpoint_interval =
             interval.unwrap_or(all.checkpoint_interval);
         Ok(plan)
+    }
+
+    /// Refuses what would change a sample: what is given again has to be as it
+    /// was.
+    fn refuse_other_samples(&self, saved: &Plan) -> Result<(), Error> {
+        let [typed, saved] = [json!(self.new_plan()), json!(saved)];
+        for id in &self.given {
+            let at = FIXED.iter().filter(|(fixed, _)| fixed == id);
+            let mut at = at.map(|(_, at)| at);
+            let changes =
+                at.any(|at| typed.pointer(at) != saved.pointer(at));
+            if changes || FORBIDDEN.contains(&&id[..]) {
+                let name = id.replace('_', "-");
+                let fault = format!(
+                    "--{name}: the run that is resumed has another; only \
+                     limits, outputs, -j, -q and --isa may change"
+                );
+                return Err(usage(fault, "pt"));
+            }
+        }
+        Ok(())
     }
 
     /// What does not fit together, if anything.
@@ -329,40 +333,32 @@ impl Options {
 const LIMITS: &[&str] =
     &["samples", "time", "error", "error_norm", "range", "tiles"];
 
-/// Options that say what is written.
-const FILES: &[&str] = &[
-    "output",
-    "format",
-    "report",
-    "checkpoint",
-    "checkpoint_interval",
-    "force",
-    "preview",
-    "exposure",
-    "no_filter",
-    "resume",
+/// Options that stay as they were, and where a plan has them.
+const FIXED: &[(&str, &str)] = &[
+    ("albedos", "/surfaces/albedo"),
+    ("albedos", "/surfaces/named"),
+    ("materials", "/surfaces/materials"),
+    ("band", "/surfaces/band"),
+    ("sky", "/sky/cover"),
+    ("zenith", "/sky/zenith"),
+    ("ground", "/sky/ground"),
+    ("position", "/sensor/Camera/stand"),
+    ("target", "/sensor/Camera/stand"),
+    ("viewpoint", "/sensor/Camera/stand"),
+    ("up", "/up"),
+    ("fov", "/sensor/Camera/fov"),
+    ("resolution", "/sensor/Camera/resolution"),
+    ("crop", "/sensor/Camera/crop"),
+    ("background", "/sensor/Camera/background"),
+    ("faces", "/sensor"),
+    ("radiosity", "/sensor"),
+    ("vertices", "/sensor"),
+    ("integrator", "/method"),
+    ("seed", "/seed"),
 ];
 
-/// Other options that a run may be resumed with: where its scene is now, and
-/// how it is executed.
-const OTHERS: &[&str] =
-    &["scene", "input", "threads", "isa", "quiet", "no_shortcuts"];
-
-/// What two plans do not have in common of that by which samples differ.
-fn differing(typed: &Plan, saved: &Plan) -> Option<&'static str> {
-    use SensorPlan::Points;
-    let sensors = (&typed.sensor, &saved.sensor);
-    let has_points = matches!(sensors, (Points(_), Points(_)));
-    let pairs = [
-        ("sensor", has_points || sensors.0 == sensors.1),
-        ("up axis", typed.up == saved.up),
-        ("albedo", typed.surfaces == saved.surfaces),
-        ("sky", typed.sky == saved.sky),
-        ("method", typed.method == saved.method),
-        ("seed", typed.seed == saved.seed),
-    ];
-    pairs.into_iter().find(|(_, is_same)| !is_same).map(|(what, _)| what)
-}
+/// Options that only a new run may have.
+const FORBIDDEN: &[&str] = &["points", "cache"];
 
 /// The PNG beside a scene.
 fn beside(scene: &Path) -> PathBuf {

@@ -115,9 +115,12 @@ fn run(
     files::check_reference(&plan, reference.as_ref(), &world)?;
     // Choose how samples are made, and make them
     let history = History { state, cache };
-    let run = Run::new(&world, &plan, &history, host)?;
+    let mut run = Run::new(&world, &plan, &history, host)?;
+    if let Some((x, y, n)) = execution.sample {
+        return Ok(answer(&run.trace_sample((x, y), n)?)?);
+    }
     if execution.dry_run {
-        return Ok(describe(&plan, &world, &run)?);
+        return Ok(answer(&describe(&plan, &world, &run))?);
     }
     let files = Files { targets, reference, shown };
     Ok(render(run, history.state, files, ranks, &watchdog)?)
@@ -153,8 +156,15 @@ pub fn start_threads(plan: &Plan) -> Result<()> {
         .map_err(|e| format!("cannot start threads: {e}").into())
 }
 
-/// Prints what can be left out, and what the rest is made of.
-fn describe(plan: &Plan, world: &World, run: &Run) -> Result<Stop> {
+/// Prints what was asked for instead of an image.
+fn answer(text: &str) -> Result<Stop> {
+    let out = OutputTarget::standard_output()?;
+    out.write(&mut |out| out.write_all(text.as_bytes()))?;
+    Ok(Stop::Samples)
+}
+
+/// What can be left out, and what the rest is made of.
+fn describe(plan: &Plan, world: &World, run: &Run) -> String {
     let analysis = &world.analysis;
     let mut lines = String::new();
     for Finding { name, applies, reason } in &analysis.findings {
@@ -171,9 +181,7 @@ fn describe(plan: &Plan, world: &World, run: &Run) -> Result<Stop> {
     for (name, text) in [("method", why), ("intersector", parts)] {
         lines += &format!("{name:13}{text}\n");
     }
-    let out = OutputTarget::standard_output()?;
-    out.write(&mut |out| out.write_all(lines.as_bytes()))?;
-    Ok(Stop::Samples)
+    lines
 }
 
 /// The files of a run.

@@ -163,9 +163,14 @@ impl Film {
 
     /// The pixel of column `x` and row `y` of the image, in the window.
     pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
-        let tile = &self.tiles[self.place(x, y)];
+        let tile = self.tile(x, y);
         let (column, row) = (x - tile.corner.0, y - tile.corner.1);
         &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
+    }
+
+    /// The tile that holds it.
+    pub fn tile(&self, x: u32, y: u32) -> Tile {
+        self.tiles[self.place(x, y)]
     }
 
     /// The place in memory of the tile that holds a pixel.

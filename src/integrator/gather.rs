@@ -133,7 +133,7 @@ impl Allocation {
 
     /// Column and row of a pixel of a tile in the image, and its number in
     /// the window.
-    fn place(&self, tile: Tile, pixel: u32) -> (u32, u32, usize) {
+    pub fn place(&self, tile: Tile, pixel: u32) -> (u32, u32, usize) {
         let x = tile.corner.0 + pixel % tile.size.0;
         let y = tile.corner.1 + pixel / tile.size.0;
         let (left, top) = self.window.corner;
@@ -172,6 +172,8 @@ pub struct Sample {
     pub albedo: f64,
     /// The pixel in its tile.
     pub pixel: u32,
+    /// Its number among the samples of the pixel in a scramble.
+    pub number: u32,
     /// About the radiance of the pixel; positive.
     pub scale: f64,
     /// The weight of the direction of the gather.
@@ -179,7 +181,7 @@ pub struct Sample {
     /// What the gather has hit, if anything, and a cell around it.
     pub end: Option<(Hit, Cell)>,
     /// The point of the square from which the gather is drawn.
-    u: [u32; 2],
+    pub u: [u32; 2],
 }
 
 /// Numbers the generators of tiles; those of pixels are below 2^28.
@@ -257,7 +259,7 @@ impl<K: Intersector> Tracer<'_, K> {
             let key = scramble_key(seed, i, scramble);
             for n in 0..counts[number] {
                 let [place, u] = [0, 1].map(|k| net.pair(key, n, k));
-                looks.push((((x, y), place), pixel, scale[number], u));
+                looks.push((((x, y), place), (pixel, n), scale[number], u));
             }
         }
         let is_sky = known_pixels.content(tile.corner) == TileContent::Sky;
@@ -272,7 +274,7 @@ impl<K: Intersector> Tracer<'_, K> {
             let ends = directions.into_iter().zip(hits);
             for (&look, (direction, hit)) in batch.iter().zip(ends) {
                 // Start a sample or show the sky
-                let (_, pixel, scale, u) = look;
+                let (_, (pixel, number), scale, u) = look;
                 let Some(hit) = hit else {
                     sums[pixel as usize] += view.sky.seen(direction);
                     continue;
@@ -283,6 +285,7 @@ impl<K: Intersector> Tracer<'_, K> {
                     hit,
                     albedo,
                     pixel,
+                    number,
                     scale,
                     weight,
                     end,
@@ -296,12 +299,22 @@ impl<K: Intersector> Tracer<'_, K> {
     /// The means of the pixels of a tile in a scramble, and what corrections
     /// have added to them.
     pub fn tile(&mut self, tile: Tile, scramble: u64) -> [Vec<f64>; 2] {
+        self.samples(tile, scramble).0
+    }
+
+    /// The same, with the samples that gather.
+    pub fn samples(
+        &mut self,
+        tile: Tile,
+        scramble: u64,
+    ) -> ([Vec<f64>; 2], Vec<Sample>) {
         let area = tile.size.0 * tile.size.1;
         let &Gather { known_pixels, seed, .. } = self.gather;
         if let TileContent::Constant(value) =
             known_pixels.content(tile.corner)
         {
-            return [value, 0.].map(|value| vec![value; area as usize]);
+            let parts = [value, 0.].map(|value| vec![value; area as usize]);
+            return (parts, vec![]);
         }
         let stream = tile_number(tile.corner);
         let mut random = generator(seed, stream, scramble);
@@ -346,6 +359,6 @@ impl<K: Intersector> Tracer<'_, K> {
             *correction = (*sum - *correction) / count;
             *sum /= count;
         }
-        [sums, corrections]
+        ([sums, corrections], samples)
     }
 }

@@ -4,7 +4,6 @@
 //! The costs of methods, foreseen from a pilot.
 
 use super::pilot::Pilot;
-use super::policy::MANY;
 use super::sampling::{Method, Pixels, Sampling};
 use crate::film::ErrorNorm;
 use crate::integrator::gather::training::PILOT_SAMPLES;
@@ -123,6 +122,9 @@ impl Forecast {
         }
     }
 }
+
+/// Samples of a run without a limit.
+pub const MANY: u64 = 1 << 20;
 
 /// What a gather leaves of the variance of receivers, which have no pixel
 /// that only chance samples, beside that of pixels.

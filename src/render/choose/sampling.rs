@@ -151,6 +151,9 @@ pub struct Setup<'a> {
     pub analysis: &'a SceneAnalysis,
 }
 
+/// A renderer of paths through a hierarchy.
+pub type PathJob<'a, S> = Job<'a, Bvh, PathTracer<'a>, S>;
+
 impl<'a> Setup<'a> {
     /// The renderer of a method, which knows what was learnt, or learns it
     /// together with other processes.
@@ -160,28 +163,32 @@ impl<'a> Setup<'a> {
         learnt: Arc<OnceLock<Learnt>>,
         communicator: &'a dyn Communicator,
     ) -> Box<dyn Renderer + 'a> {
-        let &Self { intersector, view, analysis } = self;
-        let &Sampling { seed, net_size, training, .. } = sampling;
-        let mut paths = PathTracer::new(view.surfaces, view.sky);
         match sampling.method {
-            Method::Reference => {
-                self.job(paths, IndependentSampler::new(seed))
+            Method::Reference => Box::new(self.independent(sampling)),
+            Method::Sobol => Box::new(self.in_nets(sampling)),
+            Method::Gather => {
+                Box::new(self.gather(sampling, learnt, communicator))
             }
-            Method::Sobol => {
-                paths.control = sampling.control as f64 / 100.;
-                self.job(paths, SobolSampler::new(seed, net_size))
-            }
-            Method::Gather => Box::new(Gather {
-                norm: sampling.measure,
-                view,
-                intersector,
-                known_pixels: &analysis.known_pixels,
-                seed,
-                training,
-                correction: Some(Correction::default()),
-                learnt,
-                communicator,
-            }),
+        }
+    }
+
+    /// The gather of a sampling.
+    pub fn gather(
+        &self,
+        sampling: &Sampling,
+        learnt: Arc<OnceLock<Learnt>>,
+        communicator: &'a dyn Communicator,
+    ) -> Gather<'a> {
+        Gather {
+            norm: sampling.measure,
+            view: self.view,
+            intersector: self.intersector,
+            known_pixels: &self.analysis.known_pixels,
+            seed: sampling.seed,
+            training: sampling.training,
+            correction: Some(Correction::default()),
+            learnt,
+            communicator,
         }
     }
 
@@ -191,18 +198,31 @@ impl<'a> Setup<'a> {
         Pixels { area: window.area() as u64, is_list }
     }
 
-    /// The renderer of paths.
-    fn job(
+    /// The paths of independent numbers of a sampling.
+    pub fn independent(
         &self,
-        integrator: PathTracer<'a>,
-        sampler: impl Sampler + 'a,
-    ) -> Box<dyn Renderer + 'a> {
-        Box::new(Job {
-            sensor: self.view.sensor,
-            intersector: self.intersector,
-            integrator,
-            known_pixels: &self.analysis.known_pixels,
-            sampler,
-        })
+        sampling: &Sampling,
+    ) -> PathJob<'a, IndependentSampler> {
+        self.job(0, IndependentSampler::new(sampling.seed))
+    }
+
+    /// The paths in nets of a sampling.
+    pub fn in_nets(
+        &self,
+        sampling: &Sampling,
+    ) -> PathJob<'a, SobolSampler> {
+        let &Sampling { seed, net_size, control, .. } = sampling;
+        self.job(control, SobolSampler::new(seed, net_size))
+    }
+
+    /// The renderer of paths, with a control variate in per cent.
+    fn job<S: Sampler>(&self, control: u64, sampler: S) -> PathJob<'a, S> {
+        let &Self { intersector, view, analysis } = self;
+        let integrator = PathTracer {
+            control: control as f64 / 100.,
+            ..PathTracer::new(view.surfaces, view.sky)
+        };
+        let (sensor, known_pixels) = (view.sensor, &analysis.known_pixels);
+        Job { sensor, intersector, integrator, known_pixels, sampler }
     }
 }

@@ -1,0 +1,284 @@
+// Tangled from chapters/render.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! One sample, step by step: what it meets, why it ends, and what it adds to
+//! its pixel.
+
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+
+use glam::DVec3;
+
+use super::choose::{Method, Sampling, Setup};
+use super::{Job, Pass, Trace};
+use crate::analysis::background::TileContent;
+use crate::bvh::{Bvh, Dispatch, GROUND, Hit, Intersector};
+use crate::camera::typed;
+use crate::film::{Film, Window};
+use crate::integrator::gather::{Gather, Learnt, Tracer};
+use crate::integrator::{Integrator, PathEvent, PathState, PathTracer};
+use crate::integrator::{ROULETTE_THRESHOLD, SingleProcess, gather};
+use crate::sampler::sobol::scramble_key;
+use crate::sampler::{Sampler, within};
+use crate::scene::Frame;
+use crate::sensor::Sensor;
+
+/// A surface on the way of a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Vertex {
+    /// The point and the normal, in the coordinates of the scene.
+    pub hit: Hit,
+    /// The albedo there.
+    pub albedo: f64,
+    /// The part of the radiance from the next surface, or from the sky, that
+    /// reaches the pixel.
+    pub throughput: f64,
+}
+
+/// Why a sample goes no further.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Ending {
+    /// All samples of its tile are known, and none is traced.
+    #[default]
+    Known,
+    /// It sees the sky, or what is below the horizon.
+    Sky,
+    /// The surface reflects nothing.
+    Black,
+    /// Roulette has ended a weak path.
+    Roulette,
+    /// Roulette has ended a path of many bounces.
+    ManyBounces,
+    /// It takes the radiance of a cell of the cache, of which this error is
+    /// expected.
+    Cell { radiance: f32, error: f32 },
+}
+
+/// What has happened to one sample.
+#[derive(Clone, Debug, Default)]
+pub struct SampleTrace {
+    /// Where its first ray goes; zero for a receiver, which has none.
+    pub direction: DVec3,
+    /// The surfaces that it meets.
+    pub vertices: Vec<Vertex>,
+    /// Why there are no more.
+    pub ending: Ending,
+    /// What it contributes to its pixel; of a gather, before corrections.
+    pub value: f64,
+    /// Of a gather, the scramble to which it belongs.
+    pub scramble: Option<Scramble>,
+}
+
+/// The samples of a pixel that a gather adds to the film at once.
+#[derive(Clone, Copy, Debug)]
+pub struct Scramble {
+    /// Its number.
+    pub number: u64,
+    /// How many samples the pixel has in it.
+    pub count: u32,
+    /// Their mean with the corrections, which is added to the film.
+    pub value: f64,
+    /// The part of it that corrections have added.
+    pub correction: f64,
+}
+
+impl Setup<'_> {
+    /// Traces sample `number`, from 0, of the pixel of this column and row,
+    /// or of the receiver of this row of a film: the one that a run with this
+    /// sampling adds. None for a gather that has learnt nothing.
+    pub fn trace_sample(
+        &self,
+        sampling: &Sampling,
+        learnt: &OnceLock<Learnt>,
+        pixel: (u32, u32),
+        number: u64,
+    ) -> Option<SampleTrace> {
+        let size = self.view.resolution;
+        Some(match sampling.method {
+            Method::Reference => {
+                self.independent(sampling).trace(size, pixel, number)
+            }
+            Method::Sobol => {
+                self.in_nets(sampling).trace(size, pixel, number)
+            }
+            Method::Gather => {
+                let cell = learnt.get()?;
+                let none = Default::default();
+                let gather = self.gather(sampling, none, &SingleProcess);
+                trace_gather(&gather, cell, pixel, number)
+            }
+        })
+    }
+}
+
+/// A path tracer that records its last path.
+struct Recorder<'a> {
+    paths: PathTracer<'a>,
+    trace: Mutex<SampleTrace>,
+}
+
+impl Recorder<'_> {
+    fn trace(&self) -> MutexGuard<'_, SampleTrace> {
+        self.trace.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Integrator for Recorder<'_> {
+    type Path = PathState;
+
+    fn begin(&self, direction: DVec3) -> PathState {
+        self.trace().direction = direction;
+        self.paths.begin(direction)
+    }
+
+    fn advance(
+        &self,
+        path: &mut PathState,
+        hit: Option<Hit>,
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
+        let is_weak = path.throughput < ROULETTE_THRESHOLD;
+        let event = self.paths.advance(path, hit, sampler);
+        // Record one step of a path
+        let mut trace = self.trace();
+        let throughput = path.throughput;
+        let vertex = |hit: Hit| {
+            let albedo = self.paths.surfaces.albedo(hit.primitive);
+            Vertex { hit, albedo, throughput }
+        };
+        let vertex = hit.map(vertex);
+        trace.vertices.extend(vertex);
+        if let PathEvent::Terminate(value) = event {
+            trace.value = value;
+            trace.ending = match vertex {
+                None => Ending::Sky,
+                Some(vertex) if vertex.albedo == 0. => Ending::Black,
+                _ if is_weak => Ending::Roulette,
+                _ => Ending::ManyBounces,
+            };
+        }
+        event
+    }
+}
+
+impl<K: Intersector, S: Sampler> Job<'_, K, PathTracer<'_>, S> {
+    /// Traces a sample of a pixel of an image of this resolution.
+    fn trace(
+        &self,
+        resolution: (u32, u32),
+        pixel: (u32, u32),
+        number: u64,
+    ) -> SampleTrace {
+        let &Self { sensor, intersector, known_pixels, .. } = self;
+        if let TileContent::Constant(value) = known_pixels.content(pixel) {
+            return SampleTrace { value, ..SampleTrace::default() };
+        }
+        let trace = Mutex::default();
+        let integrator = Recorder { paths: self.integrator, trace };
+        let sampler = self.sampler.clone();
+        let job =
+            Job { sensor, intersector, integrator, known_pixels, sampler };
+        // Render the sample alone
+        let window = Window { corner: pixel, size: (1, 1) };
+        let film = Film::cropped(resolution, window, false);
+        let tile = film.tile(pixel.0, pixel.1);
+        let pass = &Pass { job: &job, resolution, watch: &|_| true };
+        let samples = number..number + 1;
+        Trace { pass, tile, samples }.with(intersector);
+        job.integrator.trace().clone()
+    }
+}
+
+/// Traces a sample of a gather that has learnt this.
+fn trace_gather(
+    gather: &Gather,
+    Learnt { cache, allocation }: &Learnt,
+    (x, y): (u32, u32),
+    number: u64,
+) -> SampleTrace {
+    let &Gather { view, intersector, known_pixels, seed, .. } = gather;
+    // Find the tile and the scramble of a sample
+    let (size, window) = (view.resolution, allocation.window);
+    let is_list = matches!(view.sensor, Sensor::Receivers(_));
+    let tile = Film::cropped(size, window, is_list).tile(x, y);
+    let place = (y - tile.corner.1) * tile.size.0 + x - tile.corner.0;
+    let count = allocation.counts[allocation.place(tile, place).2];
+    let scramble = number / u64::from(count);
+    let number = (number % u64::from(count)) as u32;
+    let mut tracer =
+        Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let (parts, samples) = tracer.samples(tile, scramble);
+    let [value, correction] = parts.map(|part| part[place as usize]);
+    let whole = Scramble { number: scramble, count, value, correction };
+    let mut trace = SampleTrace { value, ..SampleTrace::default() };
+    trace.scramble = Some(whole);
+    let content = known_pixels.content(tile.corner);
+    if matches!(content, TileContent::Constant(_)) {
+        return trace;
+    }
+    // Start the sample as the gather does
+    let i = u64::from(y) * u64::from(size.0) + u64::from(x);
+    let key = scramble_key(seed, i, scramble);
+    let [u, v] = allocation.net.pair(key, number, 0);
+    let (u, v) = (within(x, size.0, u), within(y, size.1, v));
+    trace.direction = view.sensor.start(intersector, u, v).0;
+    let mut samples = samples.into_iter();
+    let found = samples.find(|s| (s.pixel, s.number) == (place, number));
+    let Some(sample) = found else {
+        trace.ending = Ending::Sky;
+        trace.value = view.sky.seen(trace.direction);
+        return trace;
+    };
+    // Follow the sample to its end
+    let gather::Sample { hit, albedo, weight, u, end, .. } = sample;
+    let throughput = albedo * weight;
+    trace.vertices.push(Vertex { hit, albedo, throughput });
+    let guide =
+        cache.guide(cache.at(cache.grid.name(hit.point, hit.normal)));
+    let ray = tracer.trace_gather_ray(&hit, guide, u);
+    (trace.ending, trace.value) = match (ray.end, end) {
+        (gather::End::Hit(hit), Some((_, cell))) => {
+            let albedo = view.surfaces.albedo(hit.primitive);
+            trace.vertices.push(Vertex { hit, albedo, throughput });
+            let value = throughput * f64::from(cell.value);
+            let (radiance, error) = (cell.value, cell.error);
+            (Ending::Cell { radiance, error }, value)
+        }
+        (gather::End::Sky(radiance), _) => {
+            (Ending::Sky, throughput * radiance)
+        }
+        _ => unreachable!("the ray meets what it has met"),
+    };
+    trace
+}
+
+impl SampleTrace {
+    /// The steps in words, in the coordinates of the file.
+    pub fn text(&self, bvh: &Bvh, frame: &Frame) -> String {
+        let mut text = format!("ray        {}\n", typed(self.direction));
+        for Vertex { hit, albedo, throughput } in &self.vertices {
+            // Print one surface
+            let Hit { point, normal, primitive } = *hit;
+            let what = match primitive {
+                GROUND => "the ground".to_owned(),
+                GROUND.. => "the receiver".to_owned(),
+                _ => format!("face {}", bvh.face(primitive) + 1),
+            };
+            let (point, normal) = (typed(frame.back(point)), typed(normal));
+            text += &format!(
+                "surface    {what} at {point}, normal {normal}, albedo {albedo}, \
+                 throughput {throughput}\n"
+            );
+        }
+        // Print the ending and the value
+        let Self { ending, value, .. } = self;
+        text += &format!("end        {ending:?}\nvalue      {value}\n");
+        if let Some(whole) = self.scramble {
+            let Scramble { number, count, value, correction } = whole;
+            text += &format!(
+                "scramble   {number}, the mean of {count} samples {value}, of \
+                 which corrections {correction}\n"
+            );
+        }
+        text
+    }
+}

@@ -1,0 +1,156 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Single samples, traced step by step (chapter "The render").
+
+use crate::prelude::*;
+
+use litpt::analysis::LitView;
+use litpt::integrator::gather::Learnt;
+use litpt::render::trace::{Ending, SampleTrace};
+use litpt::sensor::Sensor;
+use std::sync::OnceLock;
+
+const SIZE: (u32, u32) = (9, 7);
+
+/// Samples of each pixel.
+const SAMPLES: u64 = 64;
+
+/// Calls `test` with the samples of each pixel of a cavity, traced one by one,
+/// and with the values that a film holds of it.
+fn compare(
+    albedo: f64,
+    method: Method,
+    mut test: impl FnMut(&[SampleTrace], &Accumulator, u64),
+) {
+    let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, 1.), 100.);
+    let mesh = cavity(0.1, 40);
+    let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
+    let setting =
+        Setting::new(&mesh, (albedo, DVec3::Z), &view, aspect).unwrap();
+    let intersector = setting.job(0).intersector;
+    let view = setting.view(SIZE);
+    let none = &Default::default();
+    let analysis = &SceneAnalysis::find(none, intersector, &view, &[]);
+    let setup = Setup { intersector, view, analysis };
+    let pixels = Pixels::of_image(SIZE);
+    let mut sampling = Sampling::new(method, 5, Some(SAMPLES), pixels);
+    sampling.control = 30;
+    // Render with what is learnt
+    let learnt: Arc<OnceLock<Learnt>> = Arc::default();
+    let mut renderer =
+        setup.renderer(&sampling, learnt.clone(), &SingleProcess);
+    let mut film = sampling.film(Film::new(SIZE.0, SIZE.1));
+    renderer.pass(&mut film, SAMPLES, &|_| true);
+    for (x, y) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y)))
+    {
+        let trace = |n| setup.trace_sample(&sampling, &learnt, (x, y), n);
+        let first = trace(0).unwrap();
+        // A pixel of a gather has samples of its own number in a scramble.
+        let each = first
+            .scramble
+            .map_or(sampling.net_size, |whole| u64::from(whole.count));
+        let all = each * film.pixel(x, y).count();
+        let traces: Vec<_> = (0..all).map(|n| trace(n).unwrap()).collect();
+        test(&traces, film.pixel(x, y), each);
+    }
+}
+
+/// Of the reference and in nets, the values of the traced samples are those
+/// of the film, bit by bit.
+#[test]
+fn a_film_holds_the_samples_that_are_traced_one_by_one() {
+    for (albedo, expected) in [
+        (0., &[Ending::Black][..]),
+        (0.5, &[Ending::Sky, Ending::Roulette]),
+        (1., &[Ending::Sky]),
+    ] {
+        for method in [Method::Reference, Method::Sobol] {
+            let mut endings = vec![];
+            compare(albedo, method, |traces, pixel, net_size| {
+                let mut sum = Accumulator::default();
+                for net in traces.chunks(net_size as usize) {
+                    let mut mean = Accumulator::default();
+                    net.iter().for_each(|trace| mean.add(trace.value));
+                    sum.add(mean.mean());
+                }
+                assert_eq!(sum, *pixel, "{method} {albedo}");
+                endings.extend(traces.iter().map(|trace| trace.ending));
+            });
+            for ending in expected {
+                assert!(endings.contains(ending), "{method} {ending:?}");
+            }
+        }
+    }
+}
+
+/// The steps of a path lead from surface to surface, and weaken it.
+#[test]
+fn the_steps_of_a_path_are_those_of_the_light() {
+    compare(0.5, Method::Reference, |traces, _, _| {
+        for trace in traces {
+            let mut before = 1.;
+            for vertex in &trace.vertices {
+                assert!((vertex.hit.point.length() - 1.).abs() < 0.01);
+                assert_eq!(vertex.albedo, 0.5);
+                assert!(
+                    [0.5 * before, before].contains(&vertex.throughput)
+                );
+                before = vertex.throughput;
+            }
+            let is_light = trace.ending == Ending::Sky && trace.value != 0.;
+            assert!(!is_light || trace.value == before);
+        }
+    });
+}
+
+/// The film of a gather holds the means of scrambles, with their corrections;
+/// the samples of a scramble have the rest of it.
+#[test]
+fn the_samples_of_a_gather_are_traced_in_their_scrambles() {
+    let mut cells = 0;
+    compare(0.8, Method::Gather, |traces, pixel, count| {
+        let mut sum = Accumulator::default();
+        for (number, of) in (0..).zip(traces.chunks(count as usize)) {
+            let whole = of[0].scramble.unwrap();
+            assert_eq!((whole.number, whole.count), (number, count as u32));
+            sum.add(whole.value);
+            let values: f64 = of.iter().map(|trace| trace.value).sum();
+            let rest = whole.value - whole.correction;
+            assert!((values / count as f64 - rest).abs() < 1e-12);
+            let is_cell = |trace: &&SampleTrace| {
+                matches!(trace.ending, Ending::Cell { .. })
+            };
+            cells += of.iter().filter(is_cell).count();
+        }
+        assert_eq!(sum, *pixel);
+    });
+    assert!(cells > 1000, "{cells}");
+}
+
+/// The text of a traced sample names the face and the point of the file.
+#[test]
+fn the_text_of_a_sample_is_in_the_coordinates_of_the_file() {
+    let text = "v 9 9 -3\nv 12 9 -3\nv 9 12 -3\nf 1 2 3\n";
+    let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
+    let intersector = &Bvh::new(&scene).unwrap();
+    let from = DVec3::new(10., 10., 7.);
+    let view = View { up: DVec3::Y, ..look(from, from - DVec3::Z, 1.) };
+    let camera = Camera::new(&view, 1.).unwrap();
+    let sensor = &Sensor::Camera(camera, scene.frame.entrance(from));
+    let (sky, surfaces) = (Sky::new(DVec3::Z), Surfaces::of(0.8));
+    let view = LitView { sensor, sky, surfaces, resolution: (1, 1) };
+    let analysis = &SceneAnalysis::default();
+    let setup = Setup { intersector, view, analysis };
+    let image = Pixels::of_image((1, 1));
+    let sampling = &Sampling::new(Method::Reference, 0, None, image);
+    let none = &OnceLock::new();
+    let trace = setup.trace_sample(sampling, none, (0, 0), 3).unwrap();
+    let text = trace.text(intersector, &scene.frame);
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(lines[0].starts_with("ray        "), "{text}");
+    assert!(lines[1].starts_with("surface    face 1 at 10.0"), "{text}");
+    let end = ", normal 0,0,1, albedo 0.8, throughput 0.8";
+    assert!(lines[1].ends_with(end), "{text}");
+    assert_eq!(lines[2..], ["end        Sky", "value      0.8"]);
+}
