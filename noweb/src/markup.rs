@@ -24,17 +24,12 @@ use crate::{Streams, error};
 
 /// The tokens of a source, and what is wrong with it; `tab` is the distance
 /// of tab stops, or 0.
-pub fn mark_up(
-    source: &Source,
-    file: u32,
-    tab: usize,
-) -> (Vec<Lexeme>, Faults) {
-    let (lexemes, complaints) = match is_markdown(&source.name) {
+pub fn mark_up(source: &Source, file: u32, tab: usize) -> Marked {
+    match is_markdown(&source.name) {
         true => mark_up_markdown(source, file),
         false if tab > 0 => mark_up_expanded(source, file, tab),
         false => mark_up_plain(source, file),
-    };
-    (lexemes, source.locate(complaints))
+    }
 }
 
 type Marked = (Vec<Lexeme>, Vec<Complaint>);
@@ -77,7 +72,6 @@ fn expand_tabs(line: &[u8], tab: usize) -> (Vec<u8>, Vec<u32>) {
 
 fn mark_up_markdown(source: &Source, file: u32) -> Marked {
     let prose = find_prose(&source.text);
-    let complaints = prose.complaints(file);
     let mut source = source.clone();
     source.definitions = Some(prose.ends);
     let (lexemes, _) = mark_up_plain(&source, file);
@@ -112,7 +106,7 @@ fn mark_up_markdown(source: &Source, file: u32) -> Marked {
             token => out.push((token, place)),
         }
     }
-    (out, complaints)
+    (out, prose.open)
 }
 
 /// The tokens in the documented form of noweb.
@@ -207,7 +201,7 @@ pub fn mark_files(
         match streams.read(file) {
             Ok(source) => {
                 let (lexemes, more) = mark_up(&source, 0, tab);
-                faults.extend(more);
+                faults.extend(source.locate(more));
                 stream.extend(write_stream(&lexemes));
             }
             Err(more) => {
