@@ -262,5 +262,5 @@ fn chapters() -> impl Iterator<Item = (String, Vec<u8>)> {
         let path = dir.join(name);
         Some((path.display().to_string(), std::fs::read(&path).ok()?))
     };
-    ["markup.nw", "tangle.nw", "command.nw"].into_iter().filter_map(read)
+    ["core.nw", "stream.nw", "command.nw"].into_iter().filter_map(read)
 }
