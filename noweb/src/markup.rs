@@ -16,7 +16,7 @@ use noweb_core::markup::{lines, mark_up as mark_up_plain, without_mark};
 
 use crate::commonmark::{find_prose, is_markdown};
 use crate::diagnostic::{
-    Complaint, Diagnostic, Faults, Level, Place, Source, text_of,
+    Complaint, Diagnostic, Faults, Level, Place, Position, Source, text_of,
 };
 use crate::stream::{Mark, put};
 use crate::web::Web;
@@ -263,6 +263,13 @@ pub fn read_stream(stream: &[u8]) -> (Web, Faults) {
     (web, faults)
 }
 
+/// The position in its file that some lines of a stream lead to.
+pub fn position_after(stream: &[&[u8]]) -> Option<Position> {
+    let mut reader = StreamReader::default();
+    let read = stream.iter().try_for_each(|line| reader.read_line(line));
+    read.ok().and_then(|()| reader.position())
+}
+
 #[derive(Default)]
 struct StreamReader {
     sources: Vec<Source>,
@@ -351,8 +358,11 @@ impl StreamReader {
     }
 
     fn complain(&mut self, level: Level, text: String) {
+        self.faults.push(Diagnostic::new(level, self.position(), text));
+    }
+
+    fn position(&self) -> Option<Position> {
         let source = self.sources.get(self.place.file as usize);
-        let position = source.map(|s| s.position(self.place));
-        self.faults.push(Diagnostic::new(level, position, text));
+        source.map(|s| s.position(self.place))
     }
 }
