@@ -28,20 +28,8 @@ pub struct Prose {
     pub ends: BTreeSet<usize>,
     /// The code that it quotes between two single signs, in order.
     pub quotes: Vec<Range<usize>>,
-    /// The lines of blocks that nothing ends.
-    open: Vec<u32>,
-}
-
-impl Prose {
-    /// What is wrong with it in the file of this number.
-    pub fn complaints(&self, file: u32) -> Vec<Complaint> {
-        let open = self.open.iter().map(|&line| {
-            let text = "open block never closed";
-            let fault = Diagnostic::new(Level::Warning, None, text);
-            (Place { file, line, column: 1 }, fault)
-        });
-        open.collect()
-    }
+    /// The blocks that nothing ends.
+    pub open: Vec<Complaint>,
 }
 
 /// Finds the prose of a text with chunks.
@@ -52,8 +40,13 @@ pub fn find_prose(text: &[u8]) -> Prose {
     while let Some(start) = next {
         let (end, open) = end_of_prose(&ascii, start);
         prose.quotes.extend(quoted_code(&ascii[..end], start));
-        prose.open.extend(open);
         prose.ends.insert(end);
+        if let Some(line) = open {
+            let text = "open block never closed";
+            let fault = Diagnostic::new(Level::Warning, None, text);
+            let place = Place { file: 0, line, column: 1 };
+            prose.open.push((place, fault));
+        }
         next = end_of_code(text, end);
     }
     prose

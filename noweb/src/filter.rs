@@ -55,14 +55,8 @@ pub fn read_sources(
     sources: Vec<Source>,
     tab: usize,
 ) -> Result<Web, Faults> {
-    let (mut lexemes, mut faults) = (Vec::new(), Vec::new());
-    for (source, file) in sources.iter().zip(0..) {
-        let (more, wrong) = mark_up(source, file, tab);
-        lexemes.extend(more);
-        faults.extend(wrong);
-    }
-    let mut web = Web::from_lexemes(lexemes);
-    web.sources = sources;
+    let (web, faults) =
+        Web::read(sources, |source, file| mark_up(source, file, tab));
     checked(web, faults)
 }
 

@@ -16,9 +16,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::commonmark::is_markdown;
-use crate::diagnostic::{
-    Faults, Level, Source, bytes_of, checked, text_of,
-};
+use crate::diagnostic::{Faults, Source, bytes_of, checked, text_of};
 use crate::finduses::{Recogniser, declared, mark_uses};
 use crate::markup::{Token, mark_up, write_stream};
 use crate::noidx::cross_reference;
@@ -59,14 +57,13 @@ pub fn weave(
         }
         let path = Path::new(OsStr::from_bytes(&chapter.name));
         faults.extend(conflicts(path, &chapter.text, b""));
-        let (lexemes, more) = mark_up(chapter, file, 0);
+        let (lexemes, _) = mark_up(chapter, file, 0);
         let is_woven = |(token, _): &_| match token {
             Token::Text(text) => LISTS.contains(&&text[..]),
             token => matches!(token, Token::Defn(_)),
         };
         is_plain.push(!lexemes.iter().any(is_woven));
         stream.extend(write_stream(&lexemes));
-        faults.extend(more.into_iter().filter(|f| f.level == Level::Error));
     }
     checked((), faults)?;
     let words = Recogniser::new(declared(&stream));

@@ -16,7 +16,7 @@ use noweb_core::markup::{lines, mark_up as mark_up_plain, without_mark};
 
 use crate::commonmark::{find_prose, is_markdown};
 use crate::diagnostic::{
-    Complaint, Diagnostic, Faults, Level, Place, Source, text_of,
+    Complaint, Diagnostic, Faults, Level, Place, Position, Source, text_of,
 };
 use crate::stream::{Mark, put};
 use crate::web::Web;
@@ -24,17 +24,12 @@ use crate::{Streams, error};
 
 /// The tokens of a source, and what is wrong with it; `tab` is the distance
 /// of tab stops, or 0.
-pub fn mark_up(
-    source: &Source,
-    file: u32,
-    tab: usize,
-) -> (Vec<Lexeme>, Faults) {
-    let (lexemes, complaints) = match is_markdown(&source.name) {
+pub fn mark_up(source: &Source, file: u32, tab: usize) -> Marked {
+    match is_markdown(&source.name) {
         true => mark_up_markdown(source, file),
         false if tab > 0 => mark_up_expanded(source, file, tab),
         false => mark_up_plain(source, file),
-    };
-    (lexemes, source.locate(complaints))
+    }
 }
 
 type Marked = (Vec<Lexeme>, Vec<Complaint>);
@@ -77,7 +72,6 @@ fn expand_tabs(line: &[u8], tab: usize) -> (Vec<u8>, Vec<u32>) {
 
 fn mark_up_markdown(source: &Source, file: u32) -> Marked {
     let prose = find_prose(&source.text);
-    let complaints = prose.complaints(file);
     let mut source = source.clone();
     source.definitions = Some(prose.ends);
     let (lexemes, _) = mark_up_plain(&source, file);
@@ -112,7 +106,7 @@ fn mark_up_markdown(source: &Source, file: u32) -> Marked {
             token => out.push((token, place)),
         }
     }
-    (out, complaints)
+    (out, prose.open)
 }
 
 /// The tokens in the documented form of noweb.
@@ -207,7 +201,7 @@ pub fn mark_files(
         match streams.read(file) {
             Ok(source) => {
                 let (lexemes, more) = mark_up(&source, 0, tab);
-                faults.extend(more);
+                faults.extend(source.locate(more));
                 stream.extend(write_stream(&lexemes));
             }
             Err(more) => {
@@ -267,6 +261,13 @@ pub fn read_stream(stream: &[u8]) -> (Web, Faults) {
     let mut web = Web::from_lexemes(lexemes);
     web.sources = sources;
     (web, faults)
+}
+
+/// The position in its file that some lines of a stream lead to.
+pub fn position_after(stream: &[&[u8]]) -> Option<Position> {
+    let mut reader = StreamReader::default();
+    let read = stream.iter().try_for_each(|line| reader.read_line(line));
+    read.ok().and_then(|()| reader.position())
 }
 
 #[derive(Default)]
@@ -357,8 +358,11 @@ impl StreamReader {
     }
 
     fn complain(&mut self, level: Level, text: String) {
+        self.faults.push(Diagnostic::new(level, self.position(), text));
+    }
+
+    fn position(&self) -> Option<Position> {
         let source = self.sources.get(self.place.file as usize);
-        let position = source.map(|s| s.position(self.place));
-        self.faults.push(Diagnostic::new(level, position, text));
+        source.map(|s| s.position(self.place))
     }
 }

@@ -59,9 +59,13 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
 
 fn in_summary(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let text = fs::read(dir.join(master))?;
+    let text = std::str::from_utf8(&text).map_err(|e| {
+        let line = lines(&text[..=e.valid_up_to()]).count();
+        io::Error::other(format!("line {line}: mdBook wants UTF-8"))
+    })?;
     let beside = plain(&master.with_file_name(""));
     let mut chapters = vec![plain(master)];
-    for path in links(in_mdbook(&text)?).iter().map(|l| beside.join(l)) {
+    for path in links(text).iter().map(|l| beside.join(l)) {
         let path = short(&path);
         if is_markdown(path.as_os_str().as_bytes())
             && !chapters.contains(&path)
@@ -78,13 +82,6 @@ fn short(path: &Path) -> PathBuf {
         _ => path.join(part),
     };
     plain(&path.components().fold(PathBuf::new(), join))
-}
-
-fn in_mdbook(text: &[u8]) -> io::Result<&str> {
-    std::str::from_utf8(text).map_err(|e| {
-        let line = lines(&text[..=e.valid_up_to()]).count();
-        io::Error::other(format!("line {line}: mdBook wants UTF-8"))
-    })
 }
 
 /// The record that was kept, if nobody names it.

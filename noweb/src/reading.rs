@@ -31,7 +31,7 @@ pub fn read(
     let mut source = Source::new(name, text);
     if is_markdown(&source.name) {
         let prose = find_prose(&source.text);
-        faults.extend(source.locate(prose.complaints(0)));
+        faults.extend(source.locate(prose.open));
         source.definitions = Some(prose.ends);
     }
     checked(source, faults)

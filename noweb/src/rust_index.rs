@@ -17,11 +17,10 @@ use proc_macro2::LexError;
 
 use crate::Streams;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, Position, Source, bytes_of, shown,
-    text_of,
+    Diagnostic, Faults, Level, Place, Source, bytes_of, shown, text_of,
 };
 use crate::finduses::{Recogniser, declared};
-use crate::markup::parse_token;
+use crate::markup::{parse_token, position_after};
 use crate::rust_names::{File, Kind, Names, Token, is_keyword, tokens};
 use crate::rust_uses::uses;
 use crate::stream::{self, Mark, Outcome};
@@ -146,26 +145,12 @@ impl<'n> Notes<'_, 'n> {
     fn complain(&mut self, path: &str, text: &Text, error: &LexError) {
         let at = error.span().byte_range().start;
         let places = text.places(&(at..at + 1));
-        let position = places.first().map(|(line, _)| self.position(*line));
+        let line = places.first().map_or(0, |(line, _)| *line);
+        let position = position_after(&self.lines[..line]);
         let what = format!("{path} is no Rust: {error}");
         let help = "its identifiers are those of the %def lines alone";
         let fault = Diagnostic::new(Level::Warning, position, what);
         self.faults.push(fault.with_help(help));
-    }
-
-    /// The line of its chapter, for people.
-    fn position(&self, number: usize) -> Position {
-        let (mut file, mut line) = (&b""[..], 1);
-        let before = self.lines[..number].iter();
-        for mark in before.filter_map(|line| Mark::read(line)) {
-            match mark.keyword {
-                b"file" => (file, line) = (mark.text(), 1),
-                b"nl" => line += 1,
-                b"index" if mark.text() == b"nl" => line += 1,
-                _ => {}
-            }
-        }
-        Position { file: text_of(file), line, column: 1, excerpt: None }
     }
 }
 fn sources(web: &Web, lines: &[&[u8]]) -> Vec<(String, Text)> {

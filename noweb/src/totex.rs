@@ -71,33 +71,69 @@ impl<'a> Converter<'a> {
             let what = b"Botched line in noweb pipeline: ";
             return self.report(&[what, line]);
         };
-        match (mark.keyword, mark.argument) {
-            (b"text", Some(text)) => self.text(text),
-            (b"nl", None) => self.end_line(),
-            (b"xref", Some(_)) => self.reference(mark.inner()),
-            (b"index", Some(_)) => self.index(mark.inner()),
-            (b"style", style @ Some(_)) => self.style = style,
-            // Convert bounds and names of chunks
-            (b"begin", Some(_)) => self.begin(mark.inner()),
-            (b"end", Some(_)) => self.end(mark.inner()),
-            (b"defn", Some(name)) => self.define(name),
-            (b"use", Some(name)) => self.use_chunk(name),
+        let (family, inner) = (mark.keyword, mark.inner());
+        match (family, mark.argument, inner.keyword, inner.argument) {
+            (b"text", Some(text), ..) => self.text(text),
+            (b"nl", None, ..) => self.end_line(),
+            (b"xref", Some(_), ..) => self.reference(inner),
+            (b"index", Some(_), ..) => self.index(inner),
+            (b"style", style @ Some(_), ..) => self.style = style,
+            (b"defn", Some(name), ..) => self.define(name),
+            (b"use", Some(name), ..) => self.use_chunk(name),
+            // Convert the bounds of a chunk
+            // Begin a chunk of code
+            (b"begin", _, b"code", Some(number)) => {
+                self.code = true;
+                self.put(&[b"\\nwbegincode{", number, b"}"]);
+                self.continued.clear();
+                self.users.clear();
+                self.unused = None;
+            }
+            (b"begin", _, b"docs", Some(n)) if self.holds_back(n) => {}
+            (b"begin", _, b"docs", Some(number)) => {
+                self.blank = true;
+                self.put(&[b"\\nwbegindocs{", number, b"}"]);
+            }
+            // End a chunk of code
+            (b"end", _, b"code", Some(_)) => {
+                self.write_footer();
+                self.code = false;
+                self.put(&[b"\\nwendcode{}"]);
+                (self.place, self.previous, self.next) = (None, None, None);
+            }
+            (b"end", _, b"docs", Some(n)) if self.holds_back(n) => {
+                self.delaying = false;
+                self.write_file_name();
+            }
+            (b"end", _, b"docs", Some(_)) => self.put(&[b"\\nwenddocs{}"]),
             // Convert the rarer kinds of mark
-            (b"quote", None) => {
+            (b"quote", None, ..) => {
                 self.quoting = true;
                 self.put(&[b"{\\Tt{}"]);
             }
-            (b"endquote", None) => {
+            (b"endquote", None, ..) => {
                 self.quoting = false;
                 self.put(&[b"\\nwendquote}"]);
             }
-            (b"file", Some(name)) => self.begin_file(name),
-            (b"line", Some(_)) => {}
-            (b"literal", Some(text)) => self.put(&[text]),
+            (b"file", Some(name), ..) => self.begin_file(name),
+            (b"line", Some(_), ..) => {}
+            (b"literal", Some(text), ..) => self.put(&[text]),
             // Convert the ends of a document
-            (b"fatal", Some(_)) => self.broken = true,
-            (b"header", Some(_)) => self.bound(b"header ", mark.inner()),
-            (b"trailer", Some(_)) => self.bound(b"trailer ", mark.inner()),
+            (b"fatal", Some(_), ..) => self.broken = true,
+            // Begin and end the document
+            (b"header", _, b"latex", Some(options)) => self.put(&[
+                b"\\documentclass{article}\\usepackage{noweb}",
+                b"\\pagestyle{noweb}\\noweboptions{",
+                options,
+                b"}\\begin{document}",
+            ]),
+            (b"trailer", _, b"latex", _) => {
+                self.put(&[b"\\end{document}"]);
+                self.break_line();
+            }
+            (b"begin" | b"end" | b"header" | b"trailer", Some(_), ..) => {
+                self.warn(&[family, b" "].concat(), inner);
+            }
             _ => self.warn(b"", mark),
         }
     }
@@ -161,45 +197,8 @@ impl<'a> Converter<'a> {
         self.put(&[&comment, b"\n"]);
     }
 
-    fn begin(&mut self, chunk: Mark<'a>) {
-        match (chunk.keyword, chunk.argument) {
-            // Begin a chunk of code
-            (b"code", Some(number)) => {
-                self.code = true;
-                self.put(&[b"\\nwbegincode{", number, b"}"]);
-                self.continued.clear();
-                self.users.clear();
-                self.unused = None;
-            }
-            (b"docs", Some(number)) if self.holds_back(number) => {}
-            (b"docs", Some(number)) => {
-                self.blank = true;
-                self.put(&[b"\\nwbegindocs{", number, b"}"]);
-            }
-            _ => self.warn(b"begin ", chunk),
-        }
-    }
-
     fn holds_back(&self, number: &[u8]) -> bool {
         self.delaying && number.starts_with(b"0")
-    }
-
-    fn end(&mut self, chunk: Mark<'a>) {
-        match (chunk.keyword, chunk.argument) {
-            // End a chunk of code
-            (b"code", Some(_)) => {
-                self.write_footer();
-                self.code = false;
-                self.put(&[b"\\nwendcode{}"]);
-                (self.place, self.previous, self.next) = (None, None, None);
-            }
-            (b"docs", Some(number)) if self.holds_back(number) => {
-                self.delaying = false;
-                self.write_file_name();
-            }
-            (b"docs", Some(_)) => self.put(&[b"\\nwenddocs{}"]),
-            _ => self.warn(b"end ", chunk),
-        }
     }
 
     fn begin_file(&mut self, name: &'a [u8]) {
@@ -434,22 +433,6 @@ impl<'a> Converter<'a> {
     fn report(&mut self, parts: &[&[u8]]) {
         self.messages.extend(parts.concat());
         self.messages.push(b'\n');
-    }
-
-    fn bound(&mut self, family: &[u8], kind: Mark) {
-        match (family, kind.keyword, kind.argument) {
-            (b"header ", b"latex", Some(options)) => self.put(&[
-                b"\\documentclass{article}\\usepackage{noweb}",
-                b"\\pagestyle{noweb}\\noweboptions{",
-                options,
-                b"}\\begin{document}",
-            ]),
-            (b"trailer ", b"latex", _) => {
-                self.put(&[b"\\end{document}"]);
-                self.break_line();
-            }
-            _ => self.warn(family, kind),
-        }
     }
 }
 

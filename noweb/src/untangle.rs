@@ -17,7 +17,7 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use noweb_core::markup::begins_docs;
+use noweb_core::markup::{begins_docs, mark_up};
 use similar::{Algorithm, DiffTag, capture_diff_slices};
 
 use crate::cpif::replace;
@@ -304,7 +304,7 @@ const AMBIGUOUS: &str = "this edit may belong to either of two places";
 /// A web that consists of one line of code.
 fn web_of(line: &[u8]) -> Web {
     let chapter = [b"<<*>>=\n", line, b"\n"].concat();
-    Web::read(vec![Source::new(Vec::new(), chapter)]).0
+    Web::read(vec![Source::new(Vec::new(), chapter)], mark_up).0
 }
 
 /// A line of a chunk that is tangled to this text.

@@ -17,7 +17,6 @@ use exercise::{Random, exercise, mutate};
 use noweb::diagnostic::Source;
 use noweb::filter::read_sources;
 use noweb::tangle::{Tangled, tangle};
-use noweb::web::Web;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -221,7 +220,8 @@ proptest! {
         // The same within the body of a function
         let first = format!("<<{}>>", name(0));
         let source = format!("{source}<<r>>=\nfn f() {{\n  {first}\n}}\n");
-        let (web, _) = Web::read(vec![Source::new(vec![], source.into())]);
+        let source = Source::new(vec![], source.into());
+        let web = read_sources(vec![source], 0).expect("a web");
         let root = web.find(b"r").expect("a root");
         let plain = tangle(&web, root, false);
         let named = tangle(&web, root, true).expect("a program").text;
@@ -262,5 +262,5 @@ fn chapters() -> impl Iterator<Item = (String, Vec<u8>)> {
         let path = dir.join(name);
         Some((path.display().to_string(), std::fs::read(&path).ok()?))
     };
-    ["markup.nw", "tangle.nw", "command.nw"].into_iter().filter_map(read)
+    ["core.nw", "stream.nw", "command.nw"].into_iter().filter_map(read)
 }

@@ -22,7 +22,7 @@ use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Position, Source, bytes_of, checked,
     failure, shown, text_of,
 };
-use crate::markup::{begins_docs, lines};
+use crate::markup::{begins_docs, lines, mark_up};
 use crate::tangle::{Tangled, tangle};
 use crate::web::{Chunk, Piece, Web};
 
@@ -141,7 +141,7 @@ fn drop_returns(chunk: &mut Chunk) {
 
 /// The files that some sources define, without looking at the disk.
 pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
-    let (mut web, mut faults) = Web::read(sources);
+    let (mut web, mut faults) = Web::read(sources, mark_up);
     web.chunks.iter_mut().for_each(drop_returns);
     let mut files = Vec::new();
     for (root, chunk) in web.chunks.iter().enumerate() {

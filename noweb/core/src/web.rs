@@ -11,8 +11,10 @@ use std::collections::HashMap;
 
 use strsim::generic_levenshtein;
 
-use crate::diagnostic::{Faults, Place, Position, Source, text_of};
-use crate::markup::{Kind, Lexeme, Token, mark_up};
+use crate::diagnostic::{
+    Complaint, Faults, Place, Position, Source, text_of,
+};
+use crate::markup::{Kind, Lexeme, Token};
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Piece {
@@ -48,11 +50,14 @@ pub fn quoted(name: &[u8]) -> String {
 }
 
 impl Web {
-    /// Reads sources, and tells what is wrong with them.
-    pub fn read(sources: Vec<Source>) -> (Self, Faults) {
+    /// Reads sources with a lexer, and tells what is wrong with them.
+    pub fn read(
+        sources: Vec<Source>,
+        lexer: impl Fn(&Source, u32) -> (Vec<Lexeme>, Vec<Complaint>),
+    ) -> (Self, Faults) {
         let (mut lexemes, mut faults) = (Vec::new(), Vec::new());
         for (source, file) in sources.iter().zip(0..) {
-            let (more, complaints) = mark_up(source, file);
+            let (more, complaints) = lexer(source, file);
             lexemes.extend(more);
             faults.extend(source.locate(complaints));
         }

@@ -23,6 +23,7 @@ pub fn exercise(input: &[u8]) {
         let source = Source::new(name.into(), input.to_vec());
         let (lexemes, faults) = mark_up(&source, 0, tab);
         let stream = write_stream(&lexemes);
+        let faults = source.locate(faults);
         faults.iter().for_each(|fault| drop(fault.to_string()));
         read_sources(vec![source], tab).iter().for_each(expand_all);
         expand_all(&read_stream(&stream).0);
