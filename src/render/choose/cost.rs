@@ -4,7 +4,6 @@
 //! The costs of methods, foreseen from a pilot.
 
 use super::pilot::Pilot;
-use super::policy::MANY;
 use super::sampling::{Method, Pixels, Sampling};
 use crate::film::ErrorNorm;
 use crate::integrator::gather::training::PILOT_SAMPLES;
@@ -130,3 +129,6 @@ const RECEIVED: f64 = 1. / 12.;
 
 /// The pixels of the images to which the constants of a gather are fitted.
 const FITTED_AREA: f64 = 320. * 240.;
+
+/// Samples of a run without a limit.
+pub const MANY: u64 = 1 << 20;

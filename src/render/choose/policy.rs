@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::cost::Forecast;
+use super::cost::{Forecast, MANY};
 use super::pilot::{Pilot, Trial};
 use super::sampling::{GATHER_RAYS, Method, Sampling, Setup};
 use crate::bvh::Intersector as _;
@@ -182,9 +182,6 @@ impl Request {
         self.budget.samples.into_iter().chain(timed).min()
     }
 }
-
-/// Samples of a run without a limit.
-pub const MANY: u64 = 1 << 20;
 
 /// When a run ends: at the first limit that it reaches.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
