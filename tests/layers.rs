@@ -134,6 +134,7 @@ const WITHOUT_BITS: [&str; 14] = [
     "bvh::binary",
     "bvh::intersector",
     "bvh::wide",
+    "error",
     "film",
     "film::errors",
     "film::sums",

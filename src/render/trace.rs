@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::choose::{Method, Sampling, Setup};
 use super::{Job, Pass, Trace};
 use crate::analysis::background::TileContent;
-use crate::bvh::{Bvh, Dispatch, GROUND, Hit, Intersector};
+use crate::bvh::{Bvh, Dispatch, GROUND, Hit, Intersector, NONE};
 use crate::camera::typed;
 use crate::film::{Film, Window};
 use crate::integrator::gather::{Gather, Learnt, Tracer};
@@ -260,7 +260,7 @@ impl SampleTrace {
             let Hit { point, normal, primitive } = *hit;
             let what = match primitive {
                 GROUND => "the ground".to_owned(),
-                GROUND.. => "the receiver".to_owned(),
+                NONE => "the receiver".to_owned(),
                 _ => format!("face {}", bvh.face(primitive) + 1),
             };
             let (point, normal) = (typed(frame.back(point)), typed(normal));

@@ -132,3 +132,6 @@ const RECEIVED: f64 = 1. / 12.;
 
 /// The pixels of the images to which the constants of a gather are fitted.
 const FITTED_AREA: f64 = 320. * 240.;
+
+/// Samples of a run without a limit.
+pub const MANY: u64 = 1 << 20;
