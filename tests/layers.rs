@@ -138,7 +138,6 @@ const WITHOUT_BITS: [&str; 14] = [
     "film",
     "film::errors",
     "film::sums",
-    "error",
     "memory",
     "scene::encoding",
     "scene::text",

@@ -67,7 +67,7 @@ def main():
         path, _, albedo = scene.partition('@')
         reference = cost(options, scene, 'reference', 64)
         for n in BUDGETS:
-            text = pt(options.pt, scene, '-n', str(n), '--explain')
+            text = pt(options.pt, scene, '-n', str(n), '--dry-run')
             line = re.search('^method +(.*)$', text, re.M)[1]
             chosen, rays, later, sobol, gather = re.match(
                 r'(\w+): a path has ([\d.]+) rays, and (\d+) %.*'

@@ -102,7 +102,7 @@ class Programs:
         view = open(scene + '.view').read().split()
         out = out or os.path.join(self.folder, 'image.pgm')
         return run(
-            [self.pt, '--keep-all', '-i', scene + '.obj', *view,
+            [self.pt, '--no-shortcuts', '-i', scene + '.obj', *view,
              '-r', str(ALBEDO), '-d', '{}x{}'.format(*definition),
              '--integrator', 'reference',
              '-n', str(n), '-s', str(seed), '-j', str(len(processors)),

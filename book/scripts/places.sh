@@ -35,7 +35,7 @@ value() { # COMMAND FILE: of the seventh column
     END { printf "%.2f", best }' "$2"
 }
 seconds=$(median room --points "$place/grid.txt" --ground 0.2 --error 1% \
-  --error-of max -o "$place/room.csv")
+  --error-norm max -o "$place/room.csv")
 room --points "$place/grid.txt" --ground 0 --error 1% -o "$place/bare.csv"
 awk 'NR % 50 == 1' "$place/grid.txt" > "$place/few.txt"
 room --points "$place/few.txt" --ground 0.2 -n 10000000 -s 9 \
@@ -48,7 +48,7 @@ echo task,seconds,ratio,largest,least,other,beyond
 echo "room,$seconds,,$(value most "$place/room.csv"),$(value least \
   "$place/room.csv"),$(value least "$place/bare.csv"),$beyond"
 seconds=$(median "$pt" "$place/street.obj" --faces -r 0 --error 0.002 \
-  --error-of max -qf -o "$place/street.csv")
+  --error-norm max -qf -o "$place/street.csv")
 awk -F, -v seconds="$seconds" 'NR > 1 { face = ($1 - 1) % 5
     if (face == 4) { if (!roofs++ || $3 < roof) roof = $3 }
     else { if (!walls++) { least = most = $3 }

@@ -26,7 +26,7 @@ done |
     parallel --quote --sshloginfile "$hosts" --jobs 1 --retries 3 \
         --colsep ' ' --basefile "$scene" --basefile "$learnt" \
         --return 'part-{1}.litpt' --cleanup --halt soon,fail=1 \
-        pt "$scene" "$@" -n "$n" --samples '{2}..{3}' --learnt "$learnt" \
+        pt "$scene" "$@" -n "$n" --samples '{2}..{3}' --cache "$learnt" \
         -o 'part-{1}.litpt' -f -q
 seq "$parts" | sed 's/.*/part-&.litpt/' |
     xargs ptimg merge -f -o whole.litpt "$learnt"

@@ -36,7 +36,7 @@ if test -z "${SLURM_ARRAY_TASK_ID-}"; then
     exec pt "$@" --samples 0..0
 fi
 if test -e part-learnt.litpt; then
-    set -- "$@" --learnt part-learnt.litpt
+    set -- "$@" --cache part-learnt.litpt
 fi
 parts=$SLURM_ARRAY_TASK_COUNT
 k=$((SLURM_ARRAY_TASK_ID - SLURM_ARRAY_TASK_MIN))

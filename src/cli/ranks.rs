@@ -5,8 +5,9 @@
 
 use std::time::Instant;
 
+use rayon::ThreadPoolBuilder;
+
 use super::progress;
-use super::run::start_threads;
 use super::watchdog;
 use crate::error::Result;
 use crate::host::Host;
@@ -34,6 +35,17 @@ pub trait Ranks: Communicator {
 }
 
 impl Ranks for SingleProcess {}
+
+/// Starts as many threads as a plan says.
+///
+/// # Errors
+/// The system refuses them.
+pub fn start_threads(plan: &Plan) -> Result<()> {
+    let threads = plan.threads.unwrap_or(0) as usize;
+    let pool = ThreadPoolBuilder::new().num_threads(threads);
+    pool.build_global()
+        .map_err(|e| format!("cannot start threads: {e}").into())
+}
 
 /// Renders for the process that leads, until it has nothing more to do.
 ///

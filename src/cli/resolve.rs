@@ -237,7 +237,7 @@ impl Options {
         let typed = self.files(&plan, &outputs.output)?;
         let is_state = |file: &(Product, _)| file.0 == Product::State;
         let is_new = |(product, _): &(Product, PathBuf)| match product {
-            Product::State => typed.iter().any(is_state),
+            Product::State => true,
             Product::Report(_) => has(&["report"]),
             _ => has(&["output", "format"]),
         };

@@ -13,12 +13,11 @@ use std::time::Instant;
 use anstream::{AutoStream, ColorChoice};
 use clap::CommandFactory;
 use clap::builder::StyledStr;
-use rayon::ThreadPoolBuilder;
 
 use super::files;
 use super::options::{Error, Options};
 use super::progress::{self, ProgressBar, render_bar, update};
-use super::ranks::Ranks;
+use super::ranks::{Ranks, start_threads};
 use super::watchdog::{Watchdog, hard_deadline, listen, status};
 use crate::analysis::Finding;
 use crate::camera::Camera;
@@ -143,17 +142,6 @@ fn check(plan: &Plan) -> Result<()> {
     placed.map_or(Ok(()), |camera| {
         Ok(Camera::new(&camera.view(up), camera.aspect()).map(drop)?)
     })
-}
-
-/// Starts as many threads as a plan says.
-///
-/// # Errors
-/// The system refuses them.
-pub fn start_threads(plan: &Plan) -> Result<()> {
-    let threads = plan.threads.unwrap_or(0) as usize;
-    let pool = ThreadPoolBuilder::new().num_threads(threads);
-    pool.build_global()
-        .map_err(|e| format!("cannot start threads: {e}").into())
 }
 
 /// Prints what was asked for instead of an image.

@@ -123,9 +123,6 @@ impl Forecast {
     }
 }
 
-/// Samples of a run without a limit.
-pub const MANY: u64 = 1 << 20;
-
 /// What a gather leaves of the variance of receivers, which have no pixel
 /// that only chance samples, beside that of pixels.
 const RECEIVED: f64 = 1. / 12.;
