@@ -37,7 +37,7 @@ use crate::image::Format;
 use crate::key::{Part, whole_window};
 use crate::materials::Band;
 pub use crate::render::choose::Budget;
-use crate::render::choose::Method;
+use crate::render::choose::{Method, default_samples};
 use crate::report::Kind;
 use crate::scene::Mesh;
 use crate::sensor::Side;
@@ -98,7 +98,7 @@ impl Default for Plan {
                 zenith: None,
                 ground: None,
             },
-            budget: Budget::samples(1),
+            budget: Budget::samples(default_samples(false)),
             part: None,
             method: None,
             seed: 0,

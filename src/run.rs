@@ -36,9 +36,10 @@ use crate::inputs::in_first_rank;
 use crate::integrator::gather::Learnt;
 use crate::key::RunKey;
 use crate::memory::zeroed;
-use crate::plan::{Plan, Product};
+use crate::plan::{Budget, Plan, Product};
 use crate::render::Renderer;
-use crate::render::choose::{Choice, Method, Request, Sampling, Setup};
+use crate::render::choose::samples_if_known;
+use crate::render::choose::{Choice, Method, Request, Sampling};
 use crate::render_loop::{Convergence, Limits, Stop};
 use crate::report::{Report, Settings, metric};
 use crate::state::checkpoint::Checkpoint;
@@ -86,32 +87,55 @@ impl<'a> Run<'a> {
         host: Host<'a>,
     ) -> Result<Self> {
         host.enter("choosing a method", None);
-        let World { bvh, analysis, subject, .. } = world;
-        let setup =
-            Setup { intersector: bvh, view: world.view(), analysis };
-        let before =
-            history.state.as_ref().map(|state| state.known.run_key.clone());
+        let before = history.state.as_ref().map(|s| &s.known.run_key);
         let mut choice = None;
         let key = in_first_rank(host, || {
-            let sampling = before.as_ref().map(|key| key.sampling);
-            let (sampling, found) =
-                method(plan, world, &setup, sampling, host);
+            let sampling = before.map(|key| key.sampling);
+            let (sampling, found) = method(plan, world, sampling, host);
             choice = found;
-            let had_halves = before.as_ref().is_none_or(|key| key.filtered);
-            Ok(RunKey {
-                version: env!("CARGO_PKG_VERSION").to_owned(),
-                integrator: sampling.identity(),
-                scene_sha256: world.file.sha256.clone(),
-                subject: subject.clone(),
-                sampling,
-                part: plan.part_of_nets(sampling.net_size),
-                filtered: keeps_halves(plan, sampling, had_halves, host),
-            })
+            let had_halves = before.is_none_or(|key| key.filtered);
+            let filtered = keeps_halves(plan, sampling, had_halves, host);
+            Ok(run_key(plan, world, sampling, filtered))
         })?;
         let learnt = learnt_before(plan, &key, history, host)?;
+        Ok(Self::with(world, plan, host, (key, choice, learnt)))
+    }
+
+    /// A run of this key, which has learnt that.
+    fn with(
+        world: &'a World,
+        plan: &'a Plan,
+        host: Host<'a>,
+        (key, choice, learnt): (
+            RunKey,
+            Option<Choice>,
+            Arc<OnceLock<Learnt>>,
+        ),
+    ) -> Self {
+        let known = learnt.clone();
         let renderer =
-            setup.renderer(&key.sampling, learnt.clone(), host.ranks);
-        Ok(Self { plan, world, host, key, choice, learnt, renderer })
+            world.setup().renderer(&key.sampling, known, host.ranks);
+        Self { plan, world, host, key, choice, learnt, renderer }
+    }
+
+    /// A run whose image is worth to be shown soon, and is filtered.
+    pub fn for_display(
+        world: &'a World,
+        plan: &'a Plan,
+        host: Host<'a>,
+    ) -> Self {
+        let request = Request {
+            method: plan.method,
+            seed: plan.seed,
+            window: world.subject.sensed.window(),
+            budget: Budget::samples(64),
+            left: None,
+        };
+        let (sampling, choice) = world.setup().decide(&request, None);
+        let sampling = sampling.for_display();
+        let filtered = sampling.method != Method::Reference;
+        let key = run_key(plan, world, sampling, filtered);
+        Self::with(world, plan, host, (key, choice, Arc::default()))
     }
 
     /// The samples of each pixel to render here, if they are limited.
@@ -172,10 +196,10 @@ impl<'a> Run<'a> {
 
     /// The limits that the plan sets.
     pub fn limits(&self) -> Limits<'a> {
-        let is_found = self.world.analysis.known_pixels.is_all();
+        let known = samples_if_known(&self.world.analysis);
         let (error, measure) = self.plan.budget.error.unzip();
         Limits {
-            samples: self.goal().or(is_found.then_some(2)),
+            samples: self.goal().or(known),
             deadline: self.plan.budget.deadline(self.host.start),
             error,
             measure: measure.unwrap_or_default(),
@@ -193,7 +217,7 @@ impl<'a> Run<'a> {
         (x, y): (u32, u32),
         n: u64,
     ) -> Result<String> {
-        let World { bvh, analysis, frame, .. } = self.world;
+        let World { bvh, frame, .. } = self.world;
         let window = self.key.windows()[0];
         let row = match self.world.table() {
             Some((_, all)) => all.numbers.iter().position(|&it| it == y),
@@ -209,9 +233,8 @@ impl<'a> Run<'a> {
                 format!("--sample {x},{y}: nothing is rendered there");
             return Err(Error::value("sample", format!("{x},{y}"), fault));
         };
-        let view = self.world.view();
-        let setup = Setup { intersector: bvh, view, analysis };
         self.renderer.learn(&self.key.film(), &|_| true);
+        let setup = self.world.setup();
         let trace =
             setup.trace_sample(&self.key.sampling, &self.learnt, pixel, n);
         let text = trace.map(|trace| trace.text(bvh, frame));
@@ -302,12 +325,29 @@ impl Rendering<'_> {
     }
 }
 
+/// All that decides the samples of a plan.
+fn run_key(
+    plan: &Plan,
+    world: &World,
+    sampling: Sampling,
+    filtered: bool,
+) -> RunKey {
+    RunKey {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        integrator: sampling.identity(),
+        scene_sha256: world.file.sha256.clone(),
+        subject: world.subject.clone(),
+        sampling,
+        part: plan.part_of_nets(sampling.net_size),
+        filtered,
+    }
+}
+
 /// How the samples are made: as in a state, if there is one. And what a pilot
 /// has found, if it has chosen.
 fn method(
     plan: &Plan,
     world: &World,
-    setup: &Setup,
     saved: Option<Sampling>,
     host: Host,
 ) -> (Sampling, Option<Choice>) {
@@ -321,7 +361,7 @@ fn method(
             end.saturating_duration_since(Instant::now()).as_secs_f64()
         }),
     };
-    let (sampling, choice) = setup.decide(&request, saved);
+    let (sampling, choice) = world.setup().decide(&request, saved);
     // Warn if it is not the method that is asked for
     let (wanted, chosen) = (request.method, sampling.method);
     let wanted = wanted.or(saved.map(|saved| saved.method));

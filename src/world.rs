@@ -35,7 +35,7 @@ use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
 use crate::plan::{
     Budget, CameraPlan, Plan, SensorPlan, Stand, input_name,
 };
-use crate::render::choose::{Vantage, expected_rays};
+use crate::render::choose::{Setup, Vantage, expected_rays};
 use crate::report::SceneFile;
 use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::sensor::table::{Shape, Table};
@@ -84,6 +84,12 @@ impl World {
             (Some(table), Sensor::Receivers(all)) => Some((table, all)),
             _ => None,
         }
+    }
+
+    /// What renderers of this world are made from.
+    pub fn setup(&self) -> Setup<'_> {
+        let Self { bvh, analysis, .. } = self;
+        Setup { intersector: bvh, view: self.view(), analysis }
     }
 }
 
@@ -202,6 +208,7 @@ impl World {
             self.bvh.set_ground(zenith(&new));
         }
         (self.subject, self.sensor) = (new, sensor);
+        self.analyse(plan, Host::default());
         Ok(())
     }
 }

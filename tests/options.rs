@@ -258,8 +258,9 @@ fn a_resumed_run_has_its_plan_with_other_limits_and_outputs() {
     let alone = resumed(&[], &before).unwrap();
     assert_eq!(alone.budget, before.budget);
     assert_eq!(alone.scene, Path::new("/there/b.obj"));
+    let new = ["/there/a.pfm", "/there/a.png", "/there/r.csv", "d"];
+    assert_eq!(files(&alone), new.map(std::path::PathBuf::from));
     let old = ["/there/a.pfm", "/there/a.png", "/there/c", "/there/r.csv"];
-    assert_eq!(files(&alone), old.map(std::path::PathBuf::from));
     let old = [&old[..], &["d"]].concat();
     let replaced: Vec<_> = old.iter().map(AsRef::as_ref).collect();
     assert_eq!(alone.outputs.replaced, replaced as Vec<&Path>);

@@ -11,7 +11,8 @@
 function chapter(module) {
     return module == "main" || module == "cli" ? "program" : \
         module == "host" || module == "inputs" ? "plan" : \
-        module == "key" ? "state" : module
+        module == "key" ? "state" : \
+        module == "error" ? "errors" : module
 }
 
 {

@@ -22,6 +22,7 @@ use crate::compare::display::Exposure;
 use crate::film::{Window, parse_size};
 use crate::image::Format;
 use crate::materials::Band;
+use crate::render::choose::Method;
 use crate::scene::encoding::shortened;
 use crate::sensor::Side;
 use crate::sky::Cover;
@@ -221,7 +222,7 @@ pub struct LimitOptions {
     /// radiance; auto picks the fastest from a short pilot
     #[arg(long, value_name = "METHOD", default_value = "auto",
           hide_possible_values = true, value_parser = parse_method)]
-    pub integrator: Choice,
+    pub integrator: Option<Method>,
 
     /// Seed of the random numbers
     #[arg(short, long, value_name = "SEED", default_value = "0",

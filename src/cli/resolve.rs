@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! From what was typed to a plan: each default is resolved here, and what
-//! does not fit together is refused. Nothing else sees the options.
+//! does not fit together is refused.
 
 use std::path::{Path, PathBuf};
 

@@ -1,8 +1,8 @@
 // Tangled from chapters/choice.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Chooses how samples are made: the method, and how many are placed
-//! together.
+//! Chooses how samples are made: the method, how many are placed together,
+//! and how many there will be.
 
 mod cost;
 mod pilot;
@@ -11,5 +11,6 @@ mod sampling;
 
 pub use pilot::Pilot;
 pub use policy::{Budget, Choice, MIN_PATHS, Request, Vantage};
-pub use policy::{default_samples, expected_rays, samples_to_error};
+pub use policy::{default_samples, expected_rays};
+pub use policy::{samples_if_known, samples_to_error};
 pub use sampling::{Method, Pixels, Sampling, Setup};

@@ -20,7 +20,7 @@ use crate::sensor::{Oddity, Point, Receivers};
 /// Formats of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TableFormat {
-    /// Comma-singled values.
+    /// Comma-separated values.
     Csv,
     /// Points or a mesh with a value each.
     Ply,

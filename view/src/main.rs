@@ -50,8 +50,9 @@ use litpt::integrator::{PathTracer, Renderer};
 use litpt::key::Subject;
 use litpt::plan::{Budget, Plan, is_dash};
 use litpt::render::Job;
-use litpt::render::choose::{self, Method, Pixels, Sampling, Setup};
+use litpt::render::choose::{Method, Pixels, Sampling, Setup};
 use litpt::render_loop::{Convergence, CurvePoint, Limits};
+use litpt::run::Run;
 use litpt::sampler::{IndependentSampler, Sampler};
 use litpt::scene::Mesh;
 use litpt::sky::Sky;
@@ -460,8 +461,7 @@ impl Viewer {
             self.tell(json!({ "error": error }));
             settings.insert("--error".into(), error);
         }
-        self.look(world, &self.plan(&settings)?, guess);
-        Ok(())
+        self.look(world, &self.plan(&settings)?, guess)
     }
 
     /// Puts where the camera stands and what is up into the settings, and tells
@@ -539,41 +539,20 @@ impl Viewer {
     }
 
     /// Shows the image of a run as it gets better.
-    fn look(&self, world: &World, plan: &Plan, guess: &mut Guess) {
-        let (view, bvh, subject) =
-            (&world.view(), &world.bvh, &world.subject);
-        let analysis =
-            &SceneAnalysis::find(&world.left_out, bvh, view, &[]);
-        let setup = Setup { intersector: bvh, view: *view, analysis };
-        // Choose a method that shows something soon
-        let request = choose::Request {
-            method: plan.method,
-            seed: plan.seed,
-            window: subject.sensed.window(),
-            budget: Budget::samples(64),
-            left: None,
-        };
-        let (mut sampling, _) = setup.decide(&request, None);
-        let most = if sampling.method == Method::Gather { 1 } else { 4 };
-        sampling.net_size = sampling.net_size.min(most);
-        sampling.training = sampling.training.min(1 << 20);
-        let learnt = Arc::default();
-        let mut renderer =
-            setup.renderer(&sampling, Arc::clone(&learnt), &SingleProcess);
-        let window = subject.sensed.window();
-        let mut film = sampling.film(subject.sensed.film(window));
-        if sampling.method != Method::Reference {
-            film = film.with_halves();
-        }
+    fn look(
+        &self,
+        world: &World,
+        plan: &Plan,
+        guess: &mut Guess,
+    ) -> Result<()> {
+        let host = Host::default();
+        let mut run = Run::for_display(world, plan, host);
+        let (mut film, mut convergence) = run.film(None)?;
+        let sampling = run.key.sampling;
+        let interrupt = Some(&self.interrupt);
+        let limits = Limits { interrupt, ..run.limits() };
+        let (bvh, view) = (&world.bvh, &world.view());
         let hits = FirstHits::trace(bvh, view, film.window);
-        let (error, measure) = plan.budget.error.unzip();
-        let limits = Limits {
-            samples: analysis.known_pixels.is_all().then_some(2),
-            error,
-            measure: measure.unwrap_or_default(),
-            interrupt: Some(&self.interrupt),
-            ..Limits::default()
-        };
         // Send an image after each step
         let mut due = Instant::now();
         let mut send = |run: &Convergence, film: &Film, is_last: bool| {
@@ -595,16 +574,17 @@ impl Viewer {
                 due = Instant::now() + 4 * began.elapsed();
             }
         };
-        let mut run = Convergence::default();
         let mut after =
             |run: &Convergence, film: &Film| send(run, film, false);
-        run.run(&mut *renderer, &mut film, &limits, &|_| (), &mut after);
+        let renderer = &mut *run.renderer;
+        convergence.run(renderer, &mut film, &limits, &|_| (), &mut after);
         if self.interrupt.signal().is_none() {
-            send(&run, &film, true);
+            send(&convergence, &film, true);
         }
-        if learnt.get().is_some() {
-            guess.learnt = learnt;
+        if run.learnt.get().is_some() {
+            guess.learnt = run.learnt;
         }
+        Ok(())
     }
 
     /// Sends an image, and what is said about it.

@@ -1,8 +1,8 @@
 // Tangled from chapters/choice.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Which method makes the samples of a request, and how many of what there
-//! will be: nothing else decides that.
+//! Which method makes the samples of a request, and the rules for how many of
+//! what there will be, which the render loop applies.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::cost::{Forecast, MANY};
 use super::pilot::{Pilot, Trial};
 use super::sampling::{GATHER_RAYS, Method, Sampling, Setup};
+use crate::analysis::SceneAnalysis;
 use crate::bvh::Intersector as _;
 use crate::film::{ErrorNorm, Window};
 
@@ -217,6 +218,21 @@ impl Budget {
 /// The samples of each pixel or receiver if nothing limits a run.
 pub fn default_samples(is_list: bool) -> u64 {
     if is_list { 1024 } else { 1 }
+}
+
+/// The samples of each pixel of an image that is known beforehand, if it is.
+pub fn samples_if_known(analysis: &SceneAnalysis) -> Option<u64> {
+    analysis.known_pixels.is_all().then_some(2)
+}
+
+impl Sampling {
+    /// The same, for an image that is shown soon.
+    pub fn for_display(self) -> Self {
+        let most = if self.method == Method::Gather { 1 } else { 4 };
+        let net_size = self.net_size.min(most);
+        let training = self.training.min(1 << 20);
+        Self { net_size, training, ..self }
+    }
 }
 
 /// From where the paths of a run begin.
