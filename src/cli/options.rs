@@ -22,7 +22,6 @@ use crate::compare::display::Exposure;
 use crate::film::{Window, parse_size};
 use crate::image::Format;
 use crate::materials::Band;
-use crate::render::choose::Method;
 use crate::scene::encoding::shortened;
 use crate::sensor::Side;
 use crate::sky::Cover;
@@ -222,7 +221,7 @@ pub struct LimitOptions {
     /// radiance; auto picks the fastest from a short pilot
     #[arg(long, value_name = "METHOD", default_value = "auto",
           hide_possible_values = true, value_parser = parse_method)]
-    pub integrator: Option<Method>,
+    pub integrator: AskedMethod,
 
     /// Seed of the random numbers
     #[arg(short, long, value_name = "SEED", default_value = "0",

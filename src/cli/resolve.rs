@@ -289,39 +289,44 @@ impl Options {
 
     /// What does not fit together, if anything.
     fn misfit(&self, plan: &Plan) -> Option<String> {
-        let Self { limits, outputs, parts, .. } = self;
+        let Self { outputs, parts, .. } = self;
         let state = plan.outputs.of(|p| p == Product::State).next();
         let is_open = |path: &Path| descriptor(path).is_some();
         let shows = |product| product != Product::State;
-        let mut shown = plan.outputs.files.iter().filter(|f| shows(f.0));
+        let is_png = |product| product == Product::Image(Format::Png);
+        let fault =
+            if parts.checkpoint_interval.is_some() && state.is_none() {
+                "--checkpoint-interval needs --checkpoint"
+            } else if state.is_some_and(is_dash) {
+                "--checkpoint needs a file"
+            } else if outputs.format.is_some()
+                && !plan.outputs.of(shows).any(is_open)
+            {
+                "--format is for standard output"
+            } else if outputs.preview
+                && plan.outputs.of(is_png).next().is_none()
+            {
+                "--preview needs a PNG file, as in -o a.png"
+            } else {
+                return self.misfit_of_parts(plan);
+            };
+        Some(fault.to_owned())
+    }
+
+    /// What does not fit together of a part of a run, if it is one.
+    fn misfit_of_parts(&self, plan: &Plan) -> Option<String> {
+        let Self { limits, parts, .. } = self;
+        let shows = |product| product != Product::State;
         let is_part = parts.range.is_some() || parts.tiles.is_some();
         let is_limited = limits.time.is_some() || limits.error.is_some();
-        let is_png = |product| product == Product::Image(Format::Png);
-        let fault = if parts.checkpoint_interval.is_some()
-            && state.is_none()
-        {
-            "--checkpoint-interval needs --checkpoint"
-        } else if state.is_some_and(is_dash) {
-            "--checkpoint needs a file"
-        } else if outputs.format.is_some()
-            && !plan.outputs.of(shows).any(is_open)
-        {
-            "--format is for standard output"
-        } else if outputs.preview
-            && plan.outputs.of(is_png).next().is_none()
-        {
-            "--preview needs a PNG file, as in -o a.png"
-        } else if is_part && (limits.samples.is_none() || is_limited) {
+        let (from, end) = parts.range.unwrap_or((0, u64::MAX));
+        let learns = from == end && parts.range.is_some();
+        let fault = if is_part && (limits.samples.is_none() || is_limited) {
             "--samples and --tiles need -n, the samples of the whole run, and \
              neither --time nor --error"
-        } else if parts
-            .range
-            .is_some_and(|(_, end)| Some(end) > limits.samples)
-        {
+        } else if parts.range.is_some() && Some(end) > limits.samples {
             "--samples ends after the samples of the whole run, which are -n"
-        } else if parts.range.is_some_and(|(a, b)| a == b)
-            && shown.next().is_some()
-        {
+        } else if learns && plan.outputs.of(shows).next().is_some() {
             "--samples A..A only learns, and writes a state: -o a.litpt"
         } else if parts.tiles.is_some() && plan.reference.is_some() {
             "--tiles renders a part of the image, and --reference needs all of it"
