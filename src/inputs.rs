@@ -17,7 +17,7 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::DVec3;
@@ -95,7 +95,17 @@ impl Inputs {
         Ok(inputs)
     }
 
-    /// The same with these points, each a position and a normal.
+    /// Reads the mesh of a scene, and nothing else.
+    ///
+    /// # Errors
+    /// The file cannot be read, or holds no mesh.
+    pub fn open(scene: impl Into<PathBuf>) -> Result<Self> {
+        let plan = Plan { scene: scene.into(), ..Plan::default() };
+        Self::read(&plan, Host::default())
+    }
+
+    /// The same with these points, each a position and a normal, of any
+    /// length but zero, in the coordinates of the scene.
     pub fn with_points(
         mut self,
         points: impl IntoIterator<Item = (DVec3, DVec3)>,

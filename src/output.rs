@@ -39,22 +39,6 @@ fn name(number: RawFd) -> String {
     }
 }
 
-/// Called when the program is loaded.
-#[used]
-#[cfg(feature = "cli")]
-#[cfg_attr(target_os = "linux", unsafe(link_section = ".init_array"))]
-static BEFORE_MAIN: extern "C" fn() = keep_the_place;
-
-/// Keeps the place of a standard output that is closed.
-#[cfg(feature = "cli")]
-extern "C" fn keep_the_place() {
-    // SAFETY: the calls take numbers and a constant text.
-    let closed = || unsafe { libc::fcntl(1, libc::F_GETFD) } < 0;
-    let null = c"/dev/null".as_ptr();
-    // The first number that is free may be that of standard input.
-    while closed() && unsafe { libc::open(null, libc::O_RDONLY) } >= 0 {}
-}
-
 /// The number of the open descriptor that a name stands for, 1 for `-`.
 pub fn descriptor(path: &Path) -> Option<RawFd> {
     if path.as_os_str() == "-" {

@@ -16,7 +16,7 @@
 //! plan.surfaces.albedo = 0.5;
 //! let host = Host::default();
 //! let world = World::new(&plan, Inputs::from(mesh), host)?;
-//! let run = Run::new(&world, &plan, &Default::default(), host)?;
+//! let run = Run::new(&world, &plan, host)?;
 //! let image = run.render(&Interrupt::default())?;
 //! assert_eq!(image.film.area(), 320 * 240);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -20,18 +20,20 @@
 //! };
 //! let host = Host::default();
 //! let world = World::new(&plan, inputs, host)?;
-//! let run = Run::new(&world, &plan, &Default::default(), host)?;
+//! let run = Run::new(&world, &plan, host)?;
 //! let [value, error] = run.render(&Interrupt::default())?.values()[0];
 //! assert!((value - 0.4459).abs() < 5. * error);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::film::{Film, NEIGHBOUR_WEIGHT};
 use crate::host::{Host, Interrupt};
+use crate::image::{Image, Picture};
 use crate::inputs::in_first_rank;
 use crate::integrator::gather::Learnt;
 use crate::key::RunKey;
@@ -79,11 +81,23 @@ impl<'a> Run<'a> {
     /// Chooses how the samples of a plan are made.
     ///
     /// # Errors
-    /// What earlier runs have left belongs to another run.
+    /// Another process has ended, if there are several.
     pub fn new(
         world: &'a World,
         plan: &'a Plan,
+        host: Host<'a>,
+    ) -> Result<Self> {
+        Self::after(&History::default(), world, plan, host)
+    }
+
+    /// The same after earlier runs.
+    ///
+    /// # Errors
+    /// What they have left belongs to another run, or those of [`Run::new`].
+    pub fn after(
         history: &History,
+        world: &'a World,
+        plan: &'a Plan,
         host: Host<'a>,
     ) -> Result<Self> {
         host.enter("choosing a method", None);
@@ -294,13 +308,15 @@ impl<'a> Run<'a> {
             &|_| (),
             &mut |_, _| (),
         );
-        Ok(Rendering { world: self.world, film, convergence, stop })
+        let Self { world, learnt, .. } = self;
+        Ok(Rendering { world, learnt, film, convergence, stop })
     }
 }
 
 /// What a run has rendered.
 pub struct Rendering<'a> {
     world: &'a World,
+    learnt: Arc<OnceLock<Learnt>>,
     /// The sums of its samples.
     pub film: Film,
     /// How its error has become less.
@@ -322,6 +338,16 @@ impl Rendering<'_> {
         }
         let errors = film.errors(NEIGHBOUR_WEIGHT, film.window);
         film.means().zip(errors).map(Into::into).collect()
+    }
+
+    /// The pixels of a camera, not filtered, as a format writes them; of
+    /// receivers a column, in the order in which they are rendered.
+    pub fn image(&self) -> Image {
+        let learnt = self.learnt.get();
+        let allocation = learnt.map(|it| &it.allocation.counts[..]);
+        let (film, more, attributes) =
+            (&self.film, vec![], BTreeMap::new());
+        Picture { film, allocation, more, attributes }.image()
     }
 }
 

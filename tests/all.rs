@@ -16,6 +16,7 @@ mod common;
 mod compare;
 mod encodings;
 mod exact;
+mod examples;
 mod extremes;
 mod film;
 mod formats;

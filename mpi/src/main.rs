@@ -15,6 +15,7 @@ use std::sync::{Mutex, MutexGuard, Once, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 use std::{panic, thread};
 
+use litpt::cli::files::keep_the_place;
 use litpt::cli::ranks::{Ranks, follow};
 use litpt::cli::{progress, run::main_with};
 use litpt::error::Result;
@@ -26,6 +27,11 @@ use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator as _, *};
 use mpi::{Rank, Threading};
 use serde::{Deserialize, Serialize};
+
+/// Called when the program is loaded.
+#[used]
+#[cfg_attr(target_os = "linux", unsafe(link_section = ".init_array"))]
+static BEFORE_MAIN: extern "C" fn() = keep_the_place;
 
 /// The processes that MPI has started.
 struct World;

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use clap::{Args, Parser, Subcommand};
 use serde_json::{Value, json};
 
+use litpt::cli::files::keep_the_place;
 use litpt::cli::options::{LICENCE, parse_words};
 use litpt::cli::progress;
 use litpt::cli::run::fail;
@@ -28,6 +29,11 @@ use litpt::run_output::RunOutput;
 use litpt::state::shards::{self, is_state_name};
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
+
+/// Called when the program is loaded.
+#[used]
+#[cfg_attr(target_os = "linux", unsafe(link_section = ".init_array"))]
+static BEFORE_MAIN: extern "C" fn() = keep_the_place;
 
 /// Shows and compares images, and merges states of parts of a run. Images
 /// are .exr and .pfm, as pt writes them, and of other programs .png and

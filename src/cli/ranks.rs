@@ -16,7 +16,7 @@ use crate::integrator::{Communicator, SingleProcess};
 use crate::key::RunKey;
 use crate::plan::Plan;
 use crate::render::Renderer;
-use crate::run::{History, Run};
+use crate::run::Run;
 use crate::world::World;
 
 /// The processes that render one image, as each of them sees them.
@@ -60,7 +60,7 @@ pub fn follow(ranks: &dyn Ranks) -> Result<()> {
     start_threads(&plan)?;
     let inputs = Inputs::read(&plan, host)?;
     let world = World::new(&plan, inputs, host)?;
-    let run = Run::new(&world, &plan, &History::default(), host)?;
+    let run = Run::new(&world, &plan, host)?;
     let Run { renderer, key, .. } = run;
     ranks.serve(renderer, &key);
     Ok(())

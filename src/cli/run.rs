@@ -114,7 +114,7 @@ fn run(
     files::check_reference(&plan, reference.as_ref(), &world)?;
     // Choose how samples are made, and make them
     let history = History { state, cache };
-    let mut run = Run::new(&world, &plan, &history, host)?;
+    let mut run = Run::after(&history, &world, &plan, host)?;
     if let Some((x, y, n)) = execution.sample {
         return Ok(answer(&run.trace_sample((x, y), n)?)?);
     }

@@ -208,6 +208,16 @@ impl Budget {
         Self { samples: None, time: None, error: Some((error, measure)) }
     }
 
+    /// Samples until the standard error of each pixel or receiver is at most
+    /// this part of its mean.
+    pub fn each_within(error: f64) -> Self {
+        let measure = ErrorNorm { relative: true, largest: true };
+        Self {
+            error: Some((error, measure)),
+            ..Self::relative_error(error)
+        }
+    }
+
     /// The time at which a program that began at `start` should end.
     pub fn deadline(&self, start: Instant) -> Option<Instant> {
         let time = Duration::try_from_secs_f64(self.time?).ok()?;
