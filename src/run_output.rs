@@ -6,7 +6,7 @@
 
 use std::cell::{LazyCell, OnceCell};
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
@@ -25,7 +25,7 @@ use crate::key::entries;
 use crate::output::OutputTarget;
 use crate::plan::{Outputs, Product};
 use crate::render_loop::Convergence;
-use crate::report::{Kind, as_typed};
+use crate::report::{Kind, Report, as_typed};
 use crate::sensor::Receivers;
 use crate::sensor::table::Table;
 use crate::state::checkpoint::{Known, save};
@@ -110,18 +110,18 @@ impl<'a> RunOutput<'a> {
         film: &Film,
         now: Option<Instant>,
     ) -> Result<()> {
+        let &mut Self { scene, exposure, table, .. } = self;
         let Self { files, every, known, hits, .. } = self;
-        let scene = self.scene;
-        let (exposure, table) = (self.exposure, self.table);
         known.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
             now.is_none_or(|now| file.is_due(now, convergence))
         };
+        let due = files.iter().filter(|file| is_due(file));
+        let due: Vec<_> = due.map(|file| file.product).collect();
         // Filter the image if a file shows it
         let began = Instant::now();
-        let shows =
-            |file: &RunFile| file.product.is_picture() && is_due(file);
-        let is_shown = known.run_key.filtered && files.iter().any(shows);
+        let shows = due.iter().any(|product| product.is_picture());
+        let is_shown = known.run_key.filtered && shows;
         let trace = |(bvh, view)| FirstHits::trace(bvh, view, film.window);
         let hits = || scene.map(|scene| hits.get_or_init(|| trace(scene)));
         let guide = is_shown.then(hits).flatten();
@@ -129,75 +129,26 @@ impl<'a> RunOutput<'a> {
         known.report.picture = filtered.as_ref().map(|f| f.error);
         let filtering = began.elapsed();
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
-        // Choose the exposure of pictures
-        let has = |wanted| {
-            files.iter().any(|file| file.product == wanted && is_due(file))
-        };
-        let auto = LazyCell::new(|| match scene {
-            Some((bvh, view)) => auto_stops(surface_means(bvh, view, film)),
-            None => {
-                let pixels = film.rows().map(|p| (p.mean(), p.variance()));
-                auto_stops(seeming_surfaces(pixels))
-            }
-        });
-        let stops_of = |exposure: Exposure| exposure.stops(|| *auto);
-        let is_png = has(Product::Image(Format::Png));
-        if is_png && film.unsampled() < film.area() {
-            known.report.exposure = exposure.map(stops_of);
-            let sampled = film.area() - film.unsampled();
-            let is_dark = film.darker(0.1) >= sampled - sampled / 10;
-            known.report.is_dark = is_dark && exposure.is_none();
-        }
-        if has(Product::Report(Kind::Html)) {
-            known.report.page_exposure =
-                stops_of(exposure.unwrap_or(Exposure::Auto));
-        }
-        let stops = known.report.exposure.filter(|&stops| stops != 0.);
-        let behind = known.run_key.subject.sky.background;
-        let is_exr = has(Product::Image(Format::Exr));
-        let auto = is_exr.then(|| *auto);
-        let cut = behind.filter(|_| is_png || is_exr);
+        let [stops, auto] =
+            expose(&mut known.report, exposure, (film, scene), &due);
+        // Cut the scene out of its background
+        let has = |format| due.contains(&Product::Image(format));
+        let background = known.run_key.subject.sky.background;
+        let cut =
+            background.filter(|_| has(Format::Png) || has(Format::Exr));
         let cut =
             cut.filter(|_| film.unsampled() == 0).and_then(|_| hits());
         let opacity = cut.and_then(|hits| hits.opacity.as_deref());
         let known = &*known;
+        let shown =
+            Shown { known, film, filtered, opacity, stops, auto, table };
         let report = LazyCell::new(|| known.report.complete(film));
         let mut failures = vec![];
         for file in files.iter_mut().filter(|file| is_due(file)) {
-            let began = Instant::now();
             // Write or rewrite one file
-            let image = || picture(known, film, (filtered, opacity), auto);
-            let shown =
-                || filtered.map_or_else(|| image().image(), Image::clone);
-            let page = |kind: Kind| kind.render(&report, &shown);
-            let content = &mut |out: &mut dyn Write| match file.product {
-                Product::Image(Format::Png)
-                    if opacity.is_some() || stops.is_some() =>
-                {
-                    let more = Vec::from_iter(
-                        opacity.map(|a| (OPACITY, a.to_vec())),
-                    );
-                    let shown = Image { more, ..shown() };
-                    let cut = cut_out(shown, behind.unwrap_or(0.));
-                    let stops = stops.unwrap_or(0.);
-                    Format::Png
-                        .write(&tonemap(&cut, stops, Curve::Clamp), out)
-                }
-                Product::Image(Format::Png)
-                    if let Some(shown) = filtered =>
-                {
-                    Format::Png.write(shown, out)
-                }
-                Product::Image(format) => format.write(&image(), out),
-                Product::Report(kind) => write!(out, "{}", page(kind)),
-                Product::Table(format) => {
-                    let own = known.allocation();
-                    let write = |(table, all): (&Table, _)| {
-                        table.write(format, all, film, own, out)
-                    };
-                    table.map_or(Ok(()), write)
-                }
-                Product::State => save(known, film, out),
+            let began = Instant::now();
+            let content = &mut |out: &mut dyn Write| {
+                shown.write(file.product, &report, out)
             };
             let written = match now {
                 Some(_) => file.target.rewrite(content),
@@ -250,6 +201,99 @@ impl<'a> RunOutput<'a> {
         let cut = if is_cut { 5000. / threads } else { 0. };
         let all = summary + files + filter + cut;
         [none, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
+    }
+}
+
+/// Chooses by how many stops pictures are brighter: PNG files, if they are,
+/// and what an EXR names; and notes it in the report.
+fn expose(
+    report: &mut Report,
+    exposure: Option<Exposure>,
+    (film, scene): (&Film, Option<(&Bvh, &LitView)>),
+    due: &[Product],
+) -> [Option<f64>; 2] {
+    let has = |wanted| due.contains(&wanted);
+    let auto = LazyCell::new(|| match scene {
+        Some((bvh, view)) => auto_stops(surface_means(bvh, view, film)),
+        None => {
+            let pixels = film.rows().map(|p| (p.mean(), p.variance()));
+            auto_stops(seeming_surfaces(pixels))
+        }
+    });
+    let stops_of = |exposure: Exposure| exposure.stops(|| *auto);
+    let is_png = has(Product::Image(Format::Png));
+    if is_png && film.unsampled() < film.area() {
+        report.exposure = exposure.map(stops_of);
+        let sampled = film.area() - film.unsampled();
+        let is_dark = film.darker(0.1) >= sampled - sampled / 10;
+        report.is_dark = is_dark && exposure.is_none();
+    }
+    if has(Product::Report(Kind::Html)) {
+        report.page_exposure = stops_of(exposure.unwrap_or(Exposure::Auto));
+    }
+    let stops = report.exposure.filter(|&stops| stops != 0.);
+    let is_exr = has(Product::Image(Format::Exr));
+    [stops, is_exr.then(|| *auto)]
+}
+
+/// What the files of one moment show.
+struct Shown<'f> {
+    known: &'f Known,
+    film: &'f Film,
+    filtered: Option<&'f Image>,
+    opacity: Option<&'f [f64]>,
+    /// The stops by which a PNG is brighter, and those that an EXR names.
+    stops: Option<f64>,
+    auto: Option<f64>,
+    table: Option<(&'f Table, &'f Receivers)>,
+}
+
+impl Shown<'_> {
+    /// Writes what a file holds.
+    fn write(
+        &self,
+        product: Product,
+        report: &Report,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
+        let &Self { known, film, filtered, opacity, stops, .. } = self;
+        let image = || picture(known, film, (filtered, opacity), self.auto);
+        let shown =
+            || filtered.map_or_else(|| image().image(), Image::clone);
+        match product {
+            Product::Image(Format::Png) => {
+                // Write a PNG
+                let background = known.run_key.subject.sky.background;
+                match (filtered, opacity.is_some() || stops.is_some()) {
+                    (_, true) => {
+                        let opacity =
+                            opacity.map(|a| (OPACITY, a.to_vec()));
+                        let shown = Image {
+                            more: Vec::from_iter(opacity),
+                            ..shown()
+                        };
+                        let cut = cut_out(shown, background.unwrap_or(0.));
+                        let stops = stops.unwrap_or(0.);
+                        let grey = tonemap(&cut, stops, Curve::Clamp);
+                        Format::Png.write(&grey, out)
+                    }
+                    (Some(shown), _) => Format::Png.write(shown, out),
+                    (None, _) => Format::Png.write(&image(), out),
+                }
+            }
+            Product::Image(format) => format.write(&image(), out),
+            Product::Report(kind) => {
+                write!(out, "{}", kind.render(report, &shown))
+            }
+            Product::Table(format) => {
+                let own = known.allocation();
+                let table = self.table;
+                table.map_or(Ok(()), |(table, all)| {
+                    table.write(format, all, film, own, out)
+                })
+            }
+            Product::State => save(known, film, out),
+        }
     }
 }
 
