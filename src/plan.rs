@@ -72,8 +72,9 @@ pub struct Plan {
     pub shortcuts: bool,
     /// The number of threads; none for all cores.
     pub threads: Option<u64>,
-    /// The instructions to trace rays with.
-    pub isa: Isa,
+    /// The instructions to trace rays with; none for the fastest that this
+    /// processor has.
+    pub isa: Option<Isa>,
     /// An image of the same view, to compute true errors from.
     pub reference: Option<PathBuf>,
     /// What is written.
@@ -105,7 +106,7 @@ impl Default for Plan {
             cache: None,
             shortcuts: true,
             threads: None,
-            isa: Isa::best(),
+            isa: None,
             reference: None,
             outputs: Outputs::default(),
         }
@@ -304,6 +305,11 @@ impl Plan {
             SensorPlan::Points(path) => Some(path),
             _ => None,
         }
+    }
+
+    /// The instructions to trace rays with.
+    pub fn isa(&self) -> Isa {
+        self.isa.unwrap_or_else(Isa::best)
     }
 
     /// The name of the scene, for people.

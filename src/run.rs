@@ -241,13 +241,18 @@ impl<'a> Run<'a> {
         let (right, bottom) = window.end();
         let row = row.map(|row| row as u32);
         let row = row.filter(|row| (top..bottom).contains(row));
+        // A net is numbered from its first sample on.
+        let is_number = n < u64::MAX / 2;
         let column = (left..right).contains(&x).then_some(x);
+        let column = column.filter(|_| is_number);
         let Some(pixel) = column.zip(row) else {
             let fault =
                 format!("--sample {x},{y}: nothing is rendered there");
             return Err(Error::value("sample", format!("{x},{y}"), fault));
         };
-        self.renderer.learn(&self.key.film(), &|_| true);
+        if self.key.sampling.method == Method::Gather {
+            self.renderer.learn(&self.key.film(), &|_| true);
+        }
         let setup = self.world.setup();
         let trace =
             setup.trace_sample(&self.key.sampling, &self.learnt, pixel, n);
@@ -269,7 +274,7 @@ impl<'a> Run<'a> {
             time: plan.budget.time,
             error,
             reference: reference.map(|path| path.display().to_string()),
-            isa: Some(plan.isa.to_string()),
+            isa: Some(plan.isa().to_string()),
             threads: Some(rayon::current_num_threads()),
             integrator: key.sampling.method,
             choice: self.choice.as_ref().map(ToString::to_string),

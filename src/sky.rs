@@ -37,7 +37,11 @@ pub struct Sky {
     pub cover: Cover,
     /// The radiance that a camera sees where it looks past all surfaces,
     /// in all directions, unless it sees the sky.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        rename = "behind",
+        default,
+        skip_serializing_if = "Option::is_none"
+    )]
     pub background: Option<f64>,
 }
 

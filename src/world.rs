@@ -129,7 +129,7 @@ impl World {
         let total = Some(triangles.len() as u64);
         host.enter("building the hierarchy", total);
         let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
-        let bvh = Bvh::of(triangles, quality, plan.isa, &placed);
+        let bvh = Bvh::of(triangles, quality, plan.isa(), &placed);
         let mut bvh = bvh?;
         bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
         let albedos = AlbedoTable::new(&faces, &bvh)?;

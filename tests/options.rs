@@ -272,7 +272,7 @@ fn a_resumed_run_has_its_plan_with_other_limits_and_outputs() {
     let names = ["f.pgm", "e", "/there/r.csv"];
     assert_eq!(files(&more), names.map(std::path::PathBuf::from));
     for (words, name) in [
-        (&["-r0.5"][..], "--albedos: the run that is resumed has another"),
+        (&["-r0.5"][..], "--albedo: the run that is resumed has another"),
         (&["-s1"], "--seed"),
         (&["--points=p"], "--points"),
         (&["--preview", "-ob.pfm"], "--preview needs a PNG"),
@@ -282,7 +282,16 @@ fn a_resumed_run_has_its_plan_with_other_limits_and_outputs() {
         };
         assert!(line.contains(name), "{line}");
     }
-    // What is repeated as it was, or where the scene is now, is no change.
+    // What is repeated as it was, or where the scene is now, is no change;
+    // the part of a run stays.
+    resumed(&["-u0,0,1", "--zenith=z", "-n9"], &before).unwrap();
+    let part = parsed(&["-n8", "--tiles=1/2"]);
+    for words in [&["-n8"][..], &["--samples=0..8"], &["--tiles=1/2"]] {
+        assert_eq!(resumed(words, &part).unwrap().part, part.part);
+    }
+    let Err(Error::Usage(_)) = resumed(&["--time=1"], &part) else {
+        panic!("a part with a limit of time");
+    };
     let again = resumed(&["a.obj", "-r1", "-s0"], &before).unwrap();
     assert_eq!(again.scene, Path::new("a.obj"));
     // The state is that of the run unless another is named.

@@ -178,7 +178,8 @@ pub struct ReceiverOptions {
     pub vertices: bool,
 
     /// Report the radiosity of faces instead of their irradiance
-    #[arg(long, requires = "faces")]
+    #[arg(long, requires = "faces",
+          conflicts_with_all = ["points", "vertices"])]
     pub radiosity: bool,
 }
 
@@ -289,8 +290,8 @@ pub struct PartOptions {
           value_parser = only(parse_real, |&x| x > 0., POSITIVE))]
     pub checkpoint_interval: Option<f64>,
 
-    /// Go on from a checkpoint, as its run was begun; only limits, files that are
-    /// written, -j, -q and --isa may be given anew
+    /// Go on from a checkpoint, as its run was begun; only limits, what is written
+    /// and how it is executed may be given anew
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 
@@ -340,7 +341,8 @@ pub struct ExecutionOptions {
 
     /// Trace only sample N of the pixel in column X and row Y, or of receiver
     /// Y with X = 0, and print its path
-    #[arg(long, value_name = "X,Y,N", value_parser = parse_sample)]
+    #[arg(long, value_name = "X,Y,N", value_parser = parse_sample,
+          conflicts_with = "dry_run")]
     pub sample: Option<(u32, u32, u64)>,
 
     /// Print nothing but errors

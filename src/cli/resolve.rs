@@ -6,12 +6,12 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::{Arg, CommandFactory};
 use glam::DVec3;
 use serde_json::json;
 
 use super::options::{Error, Options, usage};
 use super::values::Norm;
-use crate::bvh::Isa;
 use crate::error;
 use crate::film::{ErrorNorm, SIDE, Window};
 use crate::image::Format;
@@ -22,6 +22,7 @@ use crate::plan::{SkyPlan, Stand, SurfacePlan, is_dash};
 use crate::render::choose::default_samples;
 use crate::report::Kind;
 use crate::sensor::table::TableFormat;
+use crate::sky::Sky;
 use crate::state::shards::is_state_name;
 
 impl Options {
@@ -78,11 +79,12 @@ impl Options {
             cache: parts.cache.clone(),
             shortcuts: !execution.no_shortcuts,
             threads: execution.threads,
-            isa: execution.isa.unwrap_or_else(Isa::best),
+            isa: execution.isa,
             reference: self.outputs.reference.clone(),
             ..Plan::default()
         };
         self.limit(&mut plan);
+        plan.part = self.part(&plan);
         plan
     }
 
@@ -119,7 +121,7 @@ impl Options {
 
     /// Sets when a run ends, and which part of it there is.
     fn limit(&self, plan: &mut Plan) {
-        let Self { limits, parts, .. } = self;
+        let limits = &self.limits;
         let error = limits.error.map(|(error, relative)| {
             let largest = matches!(limits.error_norm, Norm::Max);
             (error, ErrorNorm { relative, largest })
@@ -128,12 +130,20 @@ impl Options {
         let usual = default_samples(plan.camera().is_none());
         let samples = limits.samples.or(is_open.then_some(usual));
         plan.budget = Budget { samples, time: limits.time, error };
+    }
+
+    /// The part of a run, which may be one already; none without -n.
+    fn part(&self, plan: &Plan) -> Option<Part> {
+        let (saved, parts) = (plan.part, &self.parts);
         let is_part = parts.range.is_some() || parts.tiles.is_some();
-        plan.part = limits.samples.filter(|_| is_part).map(|of| Part {
-            samples: parts.range.unwrap_or((0, of)),
-            of,
-            band: parts.tiles.unwrap_or((1, 1)),
-        });
+        let of = match saved {
+            None => self.limits.samples.filter(|_| is_part)?,
+            Some(_) => plan.budget.samples?,
+        };
+        let samples = parts.range.or(saved.map(|part| part.samples));
+        let band = parts.tiles.or(saved.map(|part| part.band));
+        let samples = samples.unwrap_or((0, of));
+        Some(Part { samples, of, band: band.unwrap_or((1, 1)) })
     }
 
     /// What a new run writes.
@@ -221,10 +231,17 @@ impl Options {
         };
         self.refuse_other_samples(saved)?;
         let mut plan = saved.clone();
-        if has(LIMITS) {
+        if has(&["samples", "time", "error", "error_norm"]) {
             self.limit(&mut plan);
         }
+        plan.part = self.part(&plan).or(plan.part);
         let Self { scene, outputs, parts, execution, .. } = self;
+        if let (SensorPlan::Points(old), Some(new)) =
+            (&mut plan.sensor, &self.receivers.points)
+        {
+            old.clone_from(new);
+        }
+        plan.method = self.limits.integrator.or(plan.method);
         let reference = outputs.reference.clone();
         plan.reference = reference.or(plan.reference);
         if let Some(path) = scene.scene.as_ref().or(scene.input.as_ref()) {
@@ -232,7 +249,7 @@ impl Options {
         }
         plan.shortcuts &= !execution.no_shortcuts;
         plan.threads = execution.threads.or(plan.threads);
-        plan.isa = execution.isa.unwrap_or_else(Isa::best);
+        plan.isa = execution.isa.or(plan.isa);
         // Take the files that are named anew, and keep the others
         let typed = self.files(&plan, &outputs.output)?;
         let is_state = |file: &(Product, _)| file.0 == Product::State;
@@ -252,6 +269,8 @@ impl Options {
         let old = old.map(|(_, path)| path.clone()).chain([resumed]);
         let all = &mut plan.outputs;
         all.replaced.extend(old);
+        all.replaced.sort();
+        all.replaced.dedup();
         all.files = files;
         all.force = outputs.force;
         all.preview |= outputs.preview;
@@ -266,7 +285,13 @@ impl Options {
     /// Refuses what would change a sample: what is given again has to be as it
     /// was.
     fn refuse_other_samples(&self, saved: &Plan) -> Result<(), Error> {
-        let text = |plan: &Plan| json!(plan.saved(Path::new("/")));
+        let text = |plan: &Plan| {
+            let mut plan = plan.saved(Path::new("/"));
+            let up = plan.up.unwrap_or(DVec3::Z);
+            (plan.up, plan.sky.zenith) =
+                (Some(up), plan.sky.zenith.or(Some(Sky::new(up).zenith)));
+            json!(plan)
+        };
         let [typed, saved] = [text(&self.new_plan()), text(saved)];
         for id in &self.given {
             let at = FIXED.iter().filter(|(fixed, _)| fixed == id);
@@ -275,11 +300,17 @@ impl Options {
                 let old = saved.pointer(at);
                 old.is_some() && typed.pointer(at) != old
             });
-            if changes || FORBIDDEN.contains(&&id[..]) {
-                let name = id.replace('_', "-");
+            let is_new = id == "cache"
+                || id == "points"
+                    && saved["sensor"].get("Points").is_none();
+            if changes || is_new {
+                let command = Self::command();
+                let mut all = command.get_arguments();
+                let option = all.find(|option| option.get_id() == id);
+                let name = option.and_then(Arg::get_long).unwrap_or(id);
                 let fault = format!(
-                    "--{name}: the run that is resumed has another; only \
-                     limits, outputs, -j, -q and --isa may change"
+                    "--{name}: the run that is resumed has another, which stays; \
+                     limits, what is written, and how it is executed may change"
                 );
                 return Err(usage(fault, "pt"));
             }
@@ -294,6 +325,7 @@ impl Options {
         let is_open = |path: &Path| descriptor(path).is_some();
         let shows = |product| product != Product::State;
         let is_png = |product| product == Product::Image(Format::Png);
+        let mut shown = plan.outputs.of(is_png);
         let fault =
             if parts.checkpoint_interval.is_some() && state.is_none() {
                 "--checkpoint-interval needs --checkpoint"
@@ -303,9 +335,7 @@ impl Options {
                 && !plan.outputs.of(shows).any(is_open)
             {
                 "--format is for standard output"
-            } else if outputs.preview
-                && plan.outputs.of(is_png).next().is_none()
-            {
+            } else if outputs.preview && shown.all(is_dash) {
                 "--preview needs a PNG file, as in -o a.png"
             } else {
                 return self.misfit_of_parts(plan);
@@ -315,20 +345,22 @@ impl Options {
 
     /// What does not fit together of a part of a run, if it is one.
     fn misfit_of_parts(&self, plan: &Plan) -> Option<String> {
-        let Self { limits, parts, .. } = self;
         let shows = |product| product != Product::State;
-        let is_part = parts.range.is_some() || parts.tiles.is_some();
-        let is_limited = limits.time.is_some() || limits.error.is_some();
-        let (from, end) = parts.range.unwrap_or((0, u64::MAX));
-        let learns = from == end && parts.range.is_some();
-        let fault = if is_part && (limits.samples.is_none() || is_limited) {
+        let typed =
+            self.parts.range.is_some() || self.parts.tiles.is_some();
+        let Budget { time, error, .. } = plan.budget;
+        let is_limited = time.is_some() || error.is_some();
+        let (from, end) = plan.part.map_or((0, 1), |part| part.samples);
+        let fault = if typed && plan.part.is_none()
+            || plan.part.is_some() && is_limited
+        {
             "--samples and --tiles need -n, the samples of the whole run, and \
              neither --time nor --error"
-        } else if parts.range.is_some() && Some(end) > limits.samples {
+        } else if plan.part.is_some_and(|part| end > part.of) {
             "--samples ends after the samples of the whole run, which are -n"
-        } else if learns && plan.outputs.of(shows).next().is_some() {
+        } else if from == end && plan.outputs.of(shows).next().is_some() {
             "--samples A..A only learns, and writes a state: -o a.litpt"
-        } else if parts.tiles.is_some() && plan.reference.is_some() {
+        } else if self.parts.tiles.is_some() && plan.reference.is_some() {
             "--tiles renders a part of the image, and --reference needs all of it"
         } else {
             return misplaced(plan.camera()?, plan.part);
@@ -336,10 +368,6 @@ impl Options {
         Some(fault.to_owned())
     }
 }
-
-/// Options that say when a run ends.
-const LIMITS: &[&str] =
-    &["samples", "time", "error", "error_norm", "range", "tiles"];
 
 /// Options that stay as they were, and where a plan has them.
 const FIXED: &[(&str, &str)] = &[
@@ -350,8 +378,10 @@ const FIXED: &[(&str, &str)] = &[
     ("sky", "/sky/cover"),
     ("zenith", "/sky/zenith"),
     ("ground", "/sky/ground"),
-    ("position", "/sensor/Camera/stand"),
-    ("target", "/sensor/Camera/stand"),
+    ("position", "/sensor/Camera/stand/At/0"),
+    ("target", "/sensor/Camera/stand/At/1"),
+    ("position", "/sensor/Camera/stand/Outside"),
+    ("target", "/sensor/Camera/stand/Outside"),
     ("viewpoint", "/sensor/Camera/stand"),
     ("up", "/up"),
     ("fov", "/sensor/Camera/fov"),
@@ -361,12 +391,8 @@ const FIXED: &[(&str, &str)] = &[
     ("faces", "/sensor"),
     ("radiosity", "/sensor"),
     ("vertices", "/sensor"),
-    ("integrator", "/method"),
     ("seed", "/seed"),
 ];
-
-/// Options that only a new run may have.
-const FORBIDDEN: &[&str] = &["points", "cache"];
 
 /// The PNG beside a scene.
 fn beside(scene: &Path) -> PathBuf {

@@ -140,7 +140,7 @@ fn check(plan: &Plan) -> Result<()> {
     let up = plan.up.unwrap_or(glam::DVec3::Z);
     let placed = plan.camera().filter(|camera| camera.is_placed());
     placed.map_or(Ok(()), |camera| {
-        Ok(Camera::new(&camera.view(up), camera.aspect()).map(drop)?)
+        Camera::new(&camera.view(up), camera.aspect()).map(drop)
     })
 }
 
@@ -164,7 +164,7 @@ fn describe(plan: &Plan, world: &World, run: &Run) -> String {
     let why = run.choice.as_ref().map_or(method.clone(), |c| c.to_string());
     let parts = match analysis.known_pixels.is_all() {
         true => "none: no ray".to_owned(),
-        false => format!("{}; {method}", plan.isa),
+        false => format!("{}; {method}", plan.isa()),
     };
     for (name, text) in [("method", why), ("intersector", parts)] {
         lines += &format!("{name:13}{text}\n");

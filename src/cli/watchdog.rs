@@ -117,8 +117,9 @@ impl Watchdog {
         match event {
             Event::Warning(text) => say(progress::warn, &text),
             Event::Note(text) => say(progress::inform, &text),
-            Event::Steps(n) => self.stage().line.set_position(n as u64),
+            Event::Steps(n) => self.stage().line.set_position(n),
             Event::Stage(name, steps) => {
+                self.stage().line.finish_and_clear();
                 let line = progress::step(name.clone(), steps);
                 self.enter(Stage { name, line, renders: false });
             }

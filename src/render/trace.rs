@@ -254,7 +254,10 @@ fn trace_gather(
 impl SampleTrace {
     /// The steps in words, in the coordinates of the file.
     pub fn text(&self, bvh: &Bvh, frame: &Frame) -> String {
-        let mut text = format!("ray        {}\n", typed(self.direction));
+        let mut text = String::new();
+        if self.direction != DVec3::ZERO {
+            text += &format!("ray        {}\n", typed(self.direction));
+        }
         for Vertex { hit, albedo, throughput } in &self.vertices {
             // Print one surface
             let Hit { point, normal, primitive } = *hit;
