@@ -7,6 +7,17 @@
 //! Errors are absolute, in units of the sky's radiance; times are
 //! seconds of wall clock. A number that is not known is none in Rust,
 //! null in JSON, an empty field in CSV, and a word for people.
+//!
+//! ```
+//! use std::path::Path;
+//! use litpt::{film::Film, report::{Kind, Report}};
+//!
+//! let kind = Kind::of(Path::new("report.json"))?;
+//! let report = Report::default().complete(&Film::new(4, 3));
+//! let text = kind.render(&report, &|| unreachable!());
+//! assert!(text.contains("\"curve\""));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod html;
 mod plot;
