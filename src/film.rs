@@ -22,5 +22,6 @@ mod sums;
 mod tile;
 
 pub use errors::{ErrorNorm, NEIGHBOUR_WEIGHT, Summary};
-pub use sums::{Film, FilmTile, HalfBuffers, Watch, add_halves, add_value};
+pub(crate) use sums::add_halves;
+pub use sums::{Film, FilmTile, HalfBuffers, Watch, add_value};
 pub use tile::{SIDE, Tile, Window, digits, parse_size, tile_height};

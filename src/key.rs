@@ -223,6 +223,9 @@ pub fn entries(value: &impl Serialize) -> Map<String, Value> {
 }
 
 /// The window that is rendered: the whole image, if there is no crop.
-pub fn whole_window(size: (u32, u32), crop: Option<Window>) -> Window {
+pub(crate) fn whole_window(
+    size: (u32, u32),
+    crop: Option<Window>,
+) -> Window {
     crop.unwrap_or(Window { corner: (0, 0), size })
 }

@@ -455,7 +455,7 @@ impl Plan {
 }
 
 /// The name of a file that is read, for people.
-pub fn input_name(path: &Path) -> String {
+pub(crate) fn input_name(path: &Path) -> String {
     match is_dash(path) {
         true => "standard input".to_owned(),
         false => path.display().to_string(),

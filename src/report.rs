@@ -32,7 +32,8 @@ use crate::error::{Error, Result};
 use crate::image::{Image, extension};
 use crate::output::descriptor;
 use crate::render_loop::CurvePoint;
-pub use result::{Report, SceneFile, Settings, as_typed, metric, slope};
+pub(crate) use result::as_typed;
+pub use result::{Report, SceneFile, Settings, metric, slope};
 
 /// How a report becomes text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -35,7 +35,8 @@ use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
 pub use self::mesh::{Mark, MarkKind, Mesh};
-pub use self::obj::{begins_obj, read_file, read_obj, read_pieces};
+pub(crate) use self::obj::begins_obj;
+pub use self::obj::{read_file, read_obj, read_pieces};
 pub use self::place::{EXTENT, Entrance, Frame, Ray};
 use crate::numerics::cross;
 

@@ -10,6 +10,7 @@ mod policy;
 mod sampling;
 
 pub use pilot::Pilot;
+pub use policy::default_samples;
 pub use policy::{Budget, Choice, MIN_PATHS, Request, Vantage};
-pub use policy::{default_samples, expected_rays, samples_to_error};
+pub(crate) use policy::{expected_rays, samples_to_error};
 pub use sampling::{Method, Pixels, Sampling, Setup};
