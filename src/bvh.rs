@@ -6,6 +6,19 @@
 //! An intersector answers for a whole scene. It works in the scene's
 //! coordinates: boxes are single precision, while corners, rays, hits
 //! and the test of a triangle are double precision.
+//!
+//! ```
+//! use glam::DVec3;
+//! use litpt::{bvh::{Bvh, Intersector}, scene::{Scene, read_obj}};
+//!
+//! let mesh = read_obj(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
+//! let scene = Scene::new(&mesh);
+//! let bvh = Bvh::new(&scene)?;
+//! let entrance = scene.frame.entrance(DVec3::new(0.2, 0.2, 5.));
+//! let ray = entrance.enter(-DVec3::Z).ok_or("it passes the scene")?;
+//! assert!(bvh.first_hit(&ray, None).is_some());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod beam;
 mod binary;

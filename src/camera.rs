@@ -5,6 +5,18 @@
 //!
 //! Image coordinates run over [0, 1) x [0, 1), from the top left.
 //!
+//! ```
+//! use glam::DVec3;
+//! use litpt::camera::{Camera, View};
+//!
+//! let (position, target) = (DVec3::ZERO, DVec3::Y);
+//! let view = View { position, target, up: DVec3::Z, fov: 60. };
+//! let camera = Camera::new(&view, 4. / 3.)?;
+//! let middle = camera.direction(0.5, 0.5);
+//! assert!((middle - DVec3::Y).length() < 1e-12);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Its bits belong to `SAMPLE_VERSION`.
 
 use std::array;

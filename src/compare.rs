@@ -7,6 +7,18 @@
 //! are taken to be independent of each other, unless an image states
 //! errors of its tiles, and the two images to come from different random
 //! numbers.
+//!
+//! ```
+//! use litpt::{compare::compare, image::Image};
+//!
+//! let image = |mean: f64| Image {
+//!     errors: Some(vec![0.01; 16]),
+//!     ..Image::plain(4, 4, vec![mean; 16])
+//! };
+//! assert!(compare(&image(0.5), &image(0.5))?.consistent());
+//! assert!(!compare(&image(0.5), &image(0.6))?.consistent());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod display;
 

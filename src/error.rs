@@ -69,14 +69,32 @@ pub enum Error {
     Content(#[from] Diagnostic),
     /// The system refuses an action on a file, such as `read`.
     #[error("{file}: cannot {action}: {source}")]
-    File { file: String, action: &'static str, source: io::Error },
-    /// A file was finished, and could not be given its name; it is now
-    /// at the path `kept`.
+    File {
+        /// The name of the file, for people.
+        file: String,
+        /// A verb.
+        action: &'static str,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A file was finished, and could not be given its name.
     #[error("{cause}; the new one is kept as {}", kept.display())]
-    Kept { cause: Box<Error>, kept: PathBuf },
-    /// An argument cannot have this value; `fault` is the whole message.
+    Kept {
+        /// Why not.
+        cause: Box<Error>,
+        /// Where it is now.
+        kept: PathBuf,
+    },
+    /// An argument cannot have this value.
     #[error("{fault}")]
-    Value { name: &'static str, value: String, fault: String },
+    Value {
+        /// The name of the argument.
+        name: &'static str,
+        /// The value, as it was given.
+        value: String,
+        /// The whole message.
+        fault: String,
+    },
     /// The memory does not suffice; the message tells for what.
     #[error("{0}")]
     Memory(String),

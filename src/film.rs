@@ -7,11 +7,21 @@
 //! Pixels are counted from the top left of the whole image. Those of one
 //! tile lie together in memory, so that threads write to separate pieces.
 //! The pixels of a tile hold the same samples, from the first on.
+//!
+//! ```
+//! use litpt::film::{Film, Window};
+//!
+//! let window = Window { corner: (8, 0), size: (4, 3) };
+//! assert_eq!(String::from(window), "8,0,4x3");
+//! let film = Film::new(320, 240);
+//! assert_eq!((film.area(), film.samples()), (320 * 240, 0));
+//! ```
 
 mod errors;
 mod sums;
 mod tile;
 
 pub use errors::{ErrorNorm, NEIGHBOUR_WEIGHT, Summary};
-pub use sums::{Film, FilmTile, HalfBuffers, Watch, add_halves, add_value};
+pub(crate) use sums::add_halves;
+pub use sums::{Film, FilmTile, HalfBuffers, Watch, add_value};
 pub use tile::{SIDE, Tile, Window, digits, parse_size, tile_height};

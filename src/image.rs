@@ -5,6 +5,16 @@
 //!
 //! Radiance is relative to that of the sky. Rows run from the top down,
 //! each from left to right, whatever the order in a file.
+//!
+//! ```
+//! use litpt::image::{Format, Image};
+//!
+//! let image = Image::plain(2, 1, vec![0.25, 1.]);
+//! let mut file = vec![];
+//! Format::Pfm.write(&image, &mut file)?;
+//! assert_eq!(Image::decode(&file, &mut |_| ())?.means, [0.25, 1.]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod data;
 mod exr;

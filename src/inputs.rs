@@ -183,7 +183,7 @@ fn materials(
 ///
 /// # Errors
 /// It finds none, or has ended, or is of another version.
-pub fn in_first_rank<T: Serialize + DeserializeOwned>(
+pub(crate) fn in_first_rank<T: Serialize + DeserializeOwned>(
     host: Host,
     find: impl FnOnce() -> Result<T>,
 ) -> Result<T> {

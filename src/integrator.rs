@@ -191,7 +191,7 @@ pub struct PathState {
 /// (`MANY_BOUNCES`/n)^(3/2).
 #[cold]
 #[inline(never)]
-pub fn survival(n: u64) -> f64 {
+pub(crate) fn survival(n: u64) -> f64 {
     let ratio = n as f64 / (n + 1) as f64;
     ratio * ratio.sqrt()
 }

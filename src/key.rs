@@ -2,6 +2,14 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! All that decides the samples of a run.
+//!
+//! ```
+//! use litpt::key::Part;
+//!
+//! let part = Part { samples: (100, 200), of: 300, band: (1, 1) };
+//! assert_eq!(part.count(), 100);
+//! assert_eq!(part.rounded(64).samples, (128, 256));
+//! ```
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -215,6 +223,9 @@ pub fn entries(value: &impl Serialize) -> Map<String, Value> {
 }
 
 /// The window that is rendered: the whole image, if there is no crop.
-pub fn whole_window(size: (u32, u32), crop: Option<Window>) -> Window {
+pub(crate) fn whole_window(
+    size: (u32, u32),
+    crop: Option<Window>,
+) -> Window {
     crop.unwrap_or(Window { corner: (0, 0), size })
 }

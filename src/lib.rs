@@ -39,11 +39,13 @@
 
 // No bit of an image shall depend on the C library of a machine.
 #![warn(clippy::disallowed_methods)]
+#![warn(missing_docs)]
 
 pub mod analysis;
 pub mod bvh;
 pub mod camera;
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;
 pub mod compare;
 pub mod error;

@@ -3,6 +3,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What surfaces reflect: one albedo, or one for each face.
 //!
+//! ```
+//! use litpt::materials::{FaceAlbedos, Named, names};
+//! use litpt::scene::{MarkKind, read_obj};
+//!
+//! let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n";
+//! let marks = read_obj(text.as_bytes())?.marks;
+//! assert!(names(&marks, MarkKind::Material).eq(["red"]));
+//! let named_albedos = vec![("red".to_owned(), 0.3)];
+//! let named = Named { named_albedos, ..Named::default() };
+//! assert_eq!(FaceAlbedos::new(&marks, &named, 0.8)?.of(0), 0.3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Its bits belong to `SAMPLE_VERSION`.
 
 use std::collections::{BTreeMap, BTreeSet};

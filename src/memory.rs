@@ -2,6 +2,14 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Large arrays in large pages of memory.
+//!
+//! ```
+//! use litpt::memory::{reserved, zeroed};
+//!
+//! assert_eq!(zeroed::<u64>(3)?, [0; 3]);
+//! assert!(reserved::<u64>(usize::MAX / 8).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::io;
 

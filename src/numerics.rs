@@ -3,6 +3,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Floating-point operations that are exact, or the same everywhere.
 //!
+//! ```
+//! use litpt::numerics::{difference_of_products, exponent};
+//!
+//! assert_eq!(exponent(10.), 3);
+//! let (a, b) = (1. + f64::EPSILON, 1. - f64::EPSILON);
+//! assert_eq!(a * b - 1., 0.);
+//! assert!(difference_of_products(a, b, 1., 1.) < 0.);
+//! ```
+//!
 //! Its bits belong to `SAMPLE_VERSION`.
 
 use std::f64::consts::FRAC_PI_2;

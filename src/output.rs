@@ -3,6 +3,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Targets of files: checked before the work, and written such that
 //! nothing is lost.
+//!
+//! ```
+//! use litpt::output::OutputTarget;
+//!
+//! let place = tempfile::tempdir()?;
+//! let path = place.path().join("numbers.txt");
+//! let target = OutputTarget::file(&path, false)?;
+//! target.write(&mut |out| writeln!(out, "1 2 3"))?;
+//! assert_eq!(std::fs::read_to_string(&path)?, "1 2 3\n");
+//! assert!(OutputTarget::file(&path, false).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::env;
 use std::fs::{File, OpenOptions, Permissions};

@@ -32,7 +32,8 @@ use serde::{Deserialize, Serialize};
 use crate::bvh::Isa;
 use crate::camera::{View, Viewpoint};
 use crate::compare::display::Exposure;
-use crate::film::Window;
+use crate::error::{Error, Result};
+use crate::film::{SIDE, Window};
 use crate::image::Format;
 use crate::key::{Part, whole_window};
 use crate::materials::Band;
@@ -290,6 +291,37 @@ impl Outputs {
     }
 }
 
+impl CameraPlan {
+    /// Whether there is such an image.
+    fn check(&self) -> Result<()> {
+        let (width, height) = self.resolution;
+        let name = format!("{width}x{height}");
+        let is_side = |n| (1..=MAX_SIDE).contains(&n);
+        let is_image = is_side(width) && is_side(height);
+        require(is_image, "resolution", name, "sides from 1 to 16384")?;
+        let window = self.window();
+        let Window { corner: (x, y), size: (w, h) } = window;
+        let fits = |at, n, side| at < side && 0 < n && n <= side - at;
+        let is_within = fits(x, w, width) && fits(y, h, height);
+        require(is_within, "crop", String::from(window), "in the image")
+    }
+}
+
+/// The pixels of a side of an image, at most.
+const MAX_SIDE: u32 = 16384;
+
+/// Refuses a value that is not valid, which is what is expected in words.
+fn require(
+    is_valid: bool,
+    name: &'static str,
+    value: impl ToString,
+    expected: &str,
+) -> Result<()> {
+    let value = value.to_string();
+    let fault = format!("{name} {value}: expected {expected}");
+    is_valid.then_some(()).ok_or(Error::value(name, value, fault))
+}
+
 impl Plan {
     /// The camera, if there is one.
     pub fn camera(&self) -> Option<&CameraPlan> {
@@ -347,6 +379,49 @@ impl Plan {
         part.or(self.budget.samples)
     }
 
+    /// Whether it can be rendered.
+    ///
+    /// # Errors
+    /// The first of its values that cannot.
+    pub fn check(&self) -> Result<()> {
+        let named = self.surfaces.named.iter().map(|(_, albedo)| *albedo);
+        let albedos =
+            named.chain(self.sky.ground).chain([self.surfaces.albedo]);
+        for albedo in albedos {
+            let is_valid = (0. ..=1.).contains(&albedo);
+            require(is_valid, "albedo", albedo, "a number from 0 to 1")?;
+        }
+        let zenith = self.sky.zenith.unwrap_or(DVec3::Z);
+        let is_direction = zenith.is_finite() && zenith != DVec3::ZERO;
+        require(
+            is_direction,
+            "zenith",
+            zenith,
+            "a finite vector, not zero",
+        )?;
+        let Budget { samples, time, error } = self.budget;
+        let (samples, time) = (samples.unwrap_or(1), time.unwrap_or(0.));
+        require(samples > 0, "samples", samples, "at least 1")?;
+        require(time >= 0., "time", time, "seconds, not less than 0")?;
+        let error = error.map_or(1., |(error, _)| error);
+        require(error > 0., "error", error, "greater than 0")?;
+        self.camera().map_or(Ok(()), CameraPlan::check)?;
+        let Some(part) = self.part else { return Ok(()) };
+        let ((from, to), (k, n)) = (part.samples, part.band);
+        let range = format!("{from}..{to}");
+        let is_range = from <= to && to <= part.of;
+        require(is_range, "part", range, "samples of the run, in order")?;
+        let window = self.camera().map(CameraPlan::window);
+        let most = window.map_or(u32::MAX, |it| it.tile_rows(SIDE));
+        let is_band = 1 <= k && k <= n && n <= most;
+        require(
+            is_band,
+            "band",
+            format!("{k}/{n}"),
+            "a band of tiles, from 1",
+        )
+    }
+
     /// The plan as a state has it, from which its files are found in any
     /// directory; it was made in `directory`.
     pub fn saved(&self, directory: &Path) -> Self {
@@ -386,7 +461,7 @@ impl Plan {
 }
 
 /// The name of a file that is read, for people.
-pub fn input_name(path: &Path) -> String {
+pub(crate) fn input_name(path: &Path) -> String {
     match is_dash(path) {
         true => "standard input".to_owned(),
         false => path.display().to_string(),

@@ -3,6 +3,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The render loop: passes over the film until a limit is
 //! reached, and the curve of error against time.
+//!
+//! ```
+//! use litpt::{film::Film, render_loop::{Convergence, Limits}};
+//!
+//! let mut convergence = Convergence::default();
+//! convergence.record(&Film::new(4, 3), &Limits::default());
+//! assert_eq!(convergence.last().spp, 0);
+//! ```
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};

@@ -7,6 +7,17 @@
 //! Errors are absolute, in units of the sky's radiance; times are
 //! seconds of wall clock. A number that is not known is none in Rust,
 //! null in JSON, an empty field in CSV, and a word for people.
+//!
+//! ```
+//! use std::path::Path;
+//! use litpt::{film::Film, report::{Kind, Report}};
+//!
+//! let kind = Kind::of(Path::new("report.json"))?;
+//! let report = Report::default().complete(&Film::new(4, 3));
+//! let text = kind.render(&report, &|| unreachable!());
+//! assert!(text.contains("\"curve\""));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod html;
 mod plot;
@@ -21,7 +32,8 @@ use crate::error::{Error, Result};
 use crate::image::{Image, extension};
 use crate::output::descriptor;
 use crate::render_loop::CurvePoint;
-pub use result::{Report, SceneFile, Settings, as_typed, metric, slope};
+pub(crate) use result::as_typed;
+pub use result::{Report, SceneFile, Settings, metric, slope};
 
 /// How a report becomes text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

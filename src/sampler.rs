@@ -3,6 +3,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Samplers, and the directions that their numbers stand for.
 //!
+//! ```
+//! use litpt::sampler::{IndependentSampler, Sampler};
+//!
+//! // Sample 7 of pixel 3, of which each number is always the same.
+//! let numbers = IndependentSampler::new(42);
+//! let [mut a, mut b] = [(); 2].map(|()| numbers.start(3, 7));
+//! assert_eq!(a.get_pixel_2d(), b.get_pixel_2d());
+//! assert!((0. ..1.).contains(&a.get_1d(2)));
+//! ```
+//!
 //! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod sobol;

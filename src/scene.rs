@@ -7,6 +7,18 @@
 //! A `Scene` is the same triangles after its `Frame` has brought them near
 //! the origin, without rounding.
 //!
+//! ```
+//! use glam::DVec3;
+//! use litpt::scene::{Mesh, Scene};
+//!
+//! let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+//! let triangles = vec![[0, 1, 2], [1, 2, 0], [0, 0, 1]];
+//! let mesh = Mesh { vertices, triangles, ..Mesh::default() };
+//! let scene = Scene::new(&mesh);
+//! assert_eq!(scene.triangles.len(), 1);
+//! assert_eq!(scene.left_out, [vec![2], vec![1]]);
+//! ```
+//!
 //! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod encoding;
@@ -23,7 +35,8 @@ use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
 pub use self::mesh::{Mark, MarkKind, Mesh};
-pub use self::obj::{begins_obj, read_file, read_obj, read_pieces};
+pub(crate) use self::obj::begins_obj;
+pub use self::obj::{read_file, read_obj, read_pieces};
 pub use self::place::{EXTENT, Entrance, Frame, Ray};
 use crate::numerics::cross;
 

@@ -4,6 +4,15 @@
 //! What starts a sample: the ray of a camera, or a receiver, which is a point
 //! with a normal or a face.
 //!
+//! ```
+//! use litpt::sensor::read_points;
+//!
+//! let points = read_points(b"# a desk\n1 2 0.85 0 0 1\n", &mut vec![])?;
+//! let (position, normal, line) = points[0];
+//! assert_eq!((position.z, normal.z, line), (0.85, 1., 2));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod table;

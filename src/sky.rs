@@ -4,6 +4,16 @@
 //! The only light: a half space of directions, uniform or overcast, or all
 //! directions.
 //!
+//! ```
+//! use glam::DVec3;
+//! use litpt::sky::{Cover, Sky};
+//!
+//! let sky = Sky::with(DVec3::Z, Cover::Overcast);
+//! assert!((sky.radiance(DVec3::Z) - 9. / 7.).abs() < 1e-12);
+//! assert_eq!(sky.radiance(-DVec3::Z), 0.);
+//! assert_eq!(Sky::new(DVec3::Z).irradiance_ratio(DVec3::X), 0.5);
+//! ```
+//!
 //! Its bits belong to `SAMPLE_VERSION`.
 
 use std::f64::consts::PI;

@@ -3,6 +3,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The mean of many values, and its error.
 //!
+//! ```
+//! use litpt::statistics::Accumulator;
+//!
+//! let mut sum = Accumulator::default();
+//! [1., 2., 3.].map(|value| sum.add(value));
+//! assert_eq!((sum.count(), sum.mean()), (3, 2.));
+//! assert!((sum.standard_error() - (1. / 3f64).sqrt()).abs() < 1e-12);
+//! ```
+//!
 //! Its bits belong to `SAMPLE_VERSION`.
 
 use bytemuck::{Pod, Zeroable, cast};

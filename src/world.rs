@@ -100,6 +100,8 @@ impl World {
     /// The plan does not suit the scene, or there is too little memory.
     pub fn new(plan: &Plan, inputs: Inputs, host: Host) -> Result<Self> {
         let began = Instant::now();
+        plan.check()?;
+        inputs.mesh.check()?;
         let file = plan.scene_name();
         let triangles = inputs.mesh.triangles.len() as u64;
         let file =

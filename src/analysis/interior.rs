@@ -16,7 +16,7 @@ use crate::scene::{Entrance, Triangle, scattered};
 
 /// Whether some ray from the camera leaves the scene; then no closed
 /// surface is around it.
-pub fn lets_out(entrance: &Entrance, bvh: &Bvh) -> bool {
+pub(crate) fn lets_out(entrance: &Entrance, bvh: &Bvh) -> bool {
     let mut random = Pcg64::seed_from_u64(0);
     (0..RAYS).any(|_| {
         let direction = DVec3::from(random.random::<[f64; 3]>()) - 0.5;

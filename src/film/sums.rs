@@ -76,7 +76,10 @@ pub fn add_value(halves: &mut HalfBuffers, number: u64, parts: [f64; 2]) {
 }
 
 /// Takes all values of other halves into account.
-pub fn add_halves(halves: &mut [HalfBuffers], others: &[HalfBuffers]) {
+pub(crate) fn add_halves(
+    halves: &mut [HalfBuffers],
+    others: &[HalfBuffers],
+) {
     let others = others.as_flattened().as_flattened();
     let halves = halves.as_flattened_mut().as_flattened_mut();
     for (sum, more) in halves.iter_mut().zip(others) {

@@ -10,7 +10,9 @@ mod policy;
 mod sampling;
 
 pub use pilot::Pilot;
+pub use policy::default_samples;
+pub use policy::default_samples;
 pub use policy::{Budget, Choice, MIN_PATHS, Request, Vantage};
-pub use policy::{default_samples, expected_rays};
-pub use policy::{samples_if_known, samples_to_error};
+    expected_rays, samples_if_known, samples_to_error,
+};
 pub use sampling::{Method, Pixels, Sampling, Setup};

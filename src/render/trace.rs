@@ -48,9 +48,13 @@ pub enum Ending {
     Roulette,
     /// Roulette has ended a path of many bounces.
     ManyBounces,
-    /// It takes the radiance of a cell of the cache, of which this error is
-    /// expected.
-    Cell { radiance: f32, error: f32 },
+    /// It takes what a cell of the cache holds.
+    Cell {
+        /// The radiance, in units of that of the uniform sky.
+        radiance: f32,
+        /// The error that is expected of it.
+        error: f32,
+    },
 }
 
 /// What has happened to one sample.

@@ -333,7 +333,7 @@ fn places(x: f64, least: usize) -> usize {
 }
 
 /// A mean with its standard error.
-pub fn with_error(mean: f64, error: Option<f64>) -> String {
+pub(crate) fn with_error(mean: f64, error: Option<f64>) -> String {
     let places = places(error.unwrap_or(mean), 6);
     let mean = known(Some(mean), places);
     match error {
@@ -345,7 +345,7 @@ pub fn with_error(mean: f64, error: Option<f64>) -> String {
 }
 
 /// A value as text; a vector or a size as it is typed.
-pub fn as_typed(value: &Value) -> String {
+pub(crate) fn as_typed(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Array(parts) => {
@@ -375,7 +375,7 @@ pub fn slope(points: &[(f64, f64)]) -> Option<f64> {
 const FEWEST: u64 = 8;
 
 /// Whether a number has a place on a logarithmic axis.
-pub fn drawable(x: f64) -> bool {
+pub(crate) fn drawable(x: f64) -> bool {
     x > 0. && x.is_finite()
 }
 

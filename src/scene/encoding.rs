@@ -170,7 +170,7 @@ pub fn quoted(line: &str) -> String {
 }
 
 /// A message with each of its words as a line is quoted.
-pub fn shortened(message: &str) -> String {
+pub(crate) fn shortened(message: &str) -> String {
     let words = message.split(' ').map(quoted);
     words.collect::<Vec<_>>().join(" ")
 }

@@ -8,6 +8,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::error::Result;
 use crate::numerics::cross;
 
 /// An indexed triangle mesh in the coordinates of its file.
@@ -50,6 +51,31 @@ pub enum MarkKind {
 }
 
 impl Mesh {
+    /// Whether its numbers are finite, and those of vertices and triangles
+    /// there; those of a mesh that was read are.
+    ///
+    /// # Errors
+    /// They are not.
+    pub fn check(&self) -> Result<()> {
+        let (vertices, triangles) = (&self.vertices, &self.triangles);
+        let finite = vertices.par_iter().all(|place| place.is_finite());
+        let is_there = |&i: &u32| (i as usize) < vertices.len();
+        let is_whole = |three: &[u32; 3]| three.iter().all(is_there);
+        let is_later = |&i: &u32| 0 < i && (i as usize) < triangles.len();
+        let joined = &self.joined;
+        let in_order = joined.is_sorted_by(|a, b| a < b);
+        let fault = if !finite {
+            "a vertex is not finite"
+        } else if !triangles.par_iter().all(is_whole) {
+            "a triangle has a vertex that is not there"
+        } else if !in_order || !joined.iter().all(is_later) {
+            "joined triangles are not there, or not in order"
+        } else {
+            return Ok(());
+        };
+        Err(fault.into())
+    }
+
     /// The number of its face, from 0, for each triangle.
     pub fn faces(&self) -> Vec<u32> {
         let mut joined = self.joined.iter().copied().peekable();

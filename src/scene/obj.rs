@@ -50,7 +50,7 @@ const PIECE: usize = 1 << 20;
 
 /// Whether the beginning of a file may be that of an OBJ: it has a vertex,
 /// or is packed.
-pub fn begins_obj(start: &[u8]) -> bool {
+pub(crate) fn begins_obj(start: &[u8]) -> bool {
     let is_packed = encoding::format(start).is_some();
     is_packed || lines(start).any(|line| name(line) == b"v")
 }

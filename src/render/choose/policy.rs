@@ -261,7 +261,7 @@ const RATE: f64 = 4e6;
 
 /// A guess of how many rays are traced for so many pixels or receivers, by
 /// surfaces of this albedo.
-pub fn expected_rays(
+pub(crate) fn expected_rays(
     &Budget { samples, time, error }: &Budget,
     albedo: f64,
     area: usize,
@@ -293,7 +293,7 @@ pub const MIN_PATHS: f64 = 1000.;
 
 /// The samples of each of so many pixels after which an error is expected to
 /// be reached, given the error after some samples, if it is known.
-pub fn samples_to_error(
+pub(crate) fn samples_to_error(
     target: f64,
     (spp, error): (u64, Option<f64>),
     area: u64,
