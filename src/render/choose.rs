@@ -11,8 +11,8 @@ mod sampling;
 
 pub use pilot::Pilot;
 pub use policy::default_samples;
-pub use policy::default_samples;
 pub use policy::{Budget, Choice, MIN_PATHS, Request, Vantage};
+pub(crate) use policy::{
     expected_rays, samples_if_known, samples_to_error,
 };
 pub use sampling::{Method, Pixels, Sampling, Setup};
