@@ -392,7 +392,7 @@ fn three_bands_make_a_colour_image() {
         assert!(bytes.windows(8).any(|window| window == name.as_bytes()));
     }
     // Three images with a background have an opacity in common.
-    let sky = r#"{"zenith":[0,0,1],"cover":"uniform","background":0.5}"#;
+    let sky = r#"{"zenith":[0,0,1],"cover":"uniform","behind":0.5}"#;
     for (k, image) in (1..).zip(&bands) {
         let mut cut = image.clone();
         cut.more = vec![(OPACITY, vec![1.; image.means.len()])];
