@@ -406,7 +406,11 @@ impl Plan {
         let error = error.map_or(1., |(error, _)| error);
         require(error > 0., "error", error, "greater than 0")?;
         self.camera().map_or(Ok(()), CameraPlan::check)?;
-        let Some(part) = self.part else { return Ok(()) };
+        self.part.map_or(Ok(()), |part| self.check_part(part))
+    }
+
+    /// Whether a part of the run is one.
+    fn check_part(&self, part: Part) -> Result<()> {
         let ((from, to), (k, n)) = (part.samples, part.band);
         let range = format!("{from}..{to}");
         let is_range = from <= to && to <= part.of;
