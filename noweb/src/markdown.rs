@@ -18,7 +18,7 @@ use serde_json::Value;
 use crate::commonmark::is_markdown;
 use crate::diagnostic::{Faults, Source, bytes_of, checked, text_of};
 use crate::finduses::{Recogniser, declared, mark_uses};
-use crate::markup::{Token, mark_up, write_stream};
+use crate::markup::{Lexeme, Token, mark_up, write_stream};
 use crate::noidx::cross_reference;
 use crate::reading::conflicts;
 use crate::rust_index::index;
@@ -58,9 +58,9 @@ pub fn weave(
         let path = Path::new(OsStr::from_bytes(&chapter.name));
         faults.extend(conflicts(path, &chapter.text, b""));
         let (lexemes, _) = mark_up(chapter, file, 0);
-        let is_woven = |(token, _): &_| match token {
-            Token::Text(text) => LISTS.contains(&&text[..]),
-            token => matches!(token, Token::Defn(_)),
+        let is_woven = |(token, text, _): &Lexeme| match token {
+            Token::Text => LISTS.contains(&&text[..]),
+            token => *token == Token::Defn,
         };
         is_plain.push(!lexemes.iter().any(is_woven));
         stream.extend(write_stream(&lexemes));

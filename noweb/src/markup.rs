@@ -11,7 +11,7 @@
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 
-pub use noweb_core::markup::{Kind, Lexeme, Token};
+pub use noweb_core::markup::{Lexeme, Token};
 use noweb_core::markup::{lines, mark_up as mark_up_plain, without_mark};
 
 use crate::commonmark::{find_prose, is_markdown};
@@ -44,7 +44,7 @@ fn mark_up_expanded(source: &Source, file: u32, tab: usize) -> Marked {
     let text = [mark, &lines.join(&b'\n')].concat();
     let expanded = Source::new(source.name.clone(), text);
     let (mut lexemes, mut complaints) = mark_up_plain(&expanded, file);
-    let places = lexemes.iter_mut().map(|(_, place)| place);
+    let places = lexemes.iter_mut().map(|(_, _, place)| place);
     let wrong = complaints.iter_mut().map(|(place, _)| place);
     for place in places.chain(wrong).filter(|place| place.line > 0) {
         let columns: &Vec<u32> = &columns[place.line as usize - 1];
@@ -78,104 +78,74 @@ fn mark_up_markdown(source: &Source, file: u32) -> Marked {
     let mut quotes = prose.quotes.into_iter().peekable();
     let mark = source.text.len() - without_mark(&source.text).len();
     let mut out = Vec::new();
-    for (token, place) in lexemes {
+    for (token, text, place) in lexemes {
         let mark = if place.line == 1 { mark } else { 0 };
         let start = source.start(place.line).unwrap_or(0) + mark;
         let mut at = start + place.column as usize - 1;
-        let end = match &token {
-            Token::Text(text) => at + text.len(),
-            _ => at,
+        let is_text = token == Token::Text;
+        let end = if is_text { at + text.len() } else { at };
+        let mut cut = |token, from, to| {
+            let place =
+                Place { column: (from - start) as u32 + 1, ..place };
+            out.push((token, source.text[from..to].to_vec(), place));
         };
-        let place_of =
-            |at| Place { column: (at - start) as u32 + 1, ..place };
-        let text = |from, to| Token::Text(source.text[from..to].to_vec());
         while let Some(code) = quotes.next_if(|code| code.start < end) {
             // Emit the text before, and the code
             if at < code.start {
-                out.push((text(at, code.start), place_of(at)));
+                cut(Token::Text, at, code.start);
             }
             let (from, to) = (code.start + 1, code.end - 1);
-            out.push((Token::Quote, place_of(code.start)));
-            out.push((text(from, to), place_of(from)));
-            out.push((Token::EndQuote, place_of(to)));
+            cut(Token::Quote, code.start, code.start);
+            cut(Token::Text, from, to);
+            cut(Token::EndQuote, to, to);
             at = code.end;
         }
-        match token {
-            Token::Text(_) if at == source.text.len() => {}
-            Token::Text(_) => out.push((text(at, end), place_of(at))),
-            token => out.push((token, place)),
+        match is_text {
+            true if at == source.text.len() => {}
+            true => cut(token, at, end),
+            false => out.push((token, text, place)),
         }
     }
     (out, prose.open)
 }
 
+const WORDS: [(Token, &[u8]); 13] = [
+    (Token::File, b"@file "),
+    (Token::BeginDocs, b"@begin docs "),
+    (Token::BeginCode, b"@begin code "),
+    (Token::EndDocs, b"@end docs "),
+    (Token::EndCode, b"@end code "),
+    (Token::Text, b"@text "),
+    (Token::Newline, b"@nl"),
+    (Token::Defn, b"@defn "),
+    (Token::Use, b"@use "),
+    (Token::Quote, b"@quote"),
+    (Token::EndQuote, b"@endquote"),
+    (Token::Ident, b"@index defn "),
+    (Token::EndIdents, b"@index nl"),
+];
+
 /// The tokens in the documented form of noweb.
 pub fn write_stream(lexemes: &[Lexeme]) -> Vec<u8> {
-    let (mut out, mut number) = (Vec::new(), 0);
-    let mut tokens = lexemes.iter().map(|(token, _)| token).peekable();
-    while let Some(token) = tokens.next() {
-        write_token(token, number, &mut out);
-        number += usize::from(matches!(token, Token::End(_)));
-        if !matches!(tokens.peek(), Some(Token::More(_))) {
-            out.push(b'\n');
+    let mut out = Vec::new();
+    for (token, text, _) in lexemes {
+        match WORDS.iter().find(|(known, _)| known == token) {
+            Some((_, word)) => out.extend(*word),
+            None => drop(out.pop()),
         }
+        out.extend(text);
+        out.push(b'\n');
     }
     out
 }
 
-fn write_token(token: &Token, number: usize, out: &mut Vec<u8>) {
-    let numbered = |kind: &Kind| {
-        let kind = if *kind == Kind::Docs { "docs" } else { "code" };
-        format!("{kind} {number}").into_bytes()
-    };
-    let (keyword, value): (_, &[u8]) = match token {
-        Token::Begin(kind) => ("@begin ", &numbered(kind)),
-        Token::End(kind) => ("@end ", &numbered(kind)),
-        Token::File(name) => ("@file ", name),
-        Token::Text(text) => ("@text ", text),
-        Token::More(text) => ("", text),
-        Token::Defn(name) => ("@defn ", name),
-        Token::Use(name) => ("@use ", name),
-        Token::Ident(name) => ("@index defn ", name),
-        Token::Newline => ("@nl", b""),
-        Token::Quote => ("@quote", b""),
-        Token::EndQuote => ("@endquote", b""),
-        Token::EndIdents => ("@index nl", b""),
-    };
-    out.extend(keyword.bytes());
-    out.extend(value);
-}
-
 /// The token of a line of the stream, if its keyword is one of ours.
-pub fn parse_token(line: &[u8]) -> Option<Token> {
-    let mark = Mark::read(line)?;
-    let (value, inner) = (mark.text(), mark.inner());
-    Some(match mark.keyword {
-        b"file" => Token::File(value.to_vec()),
-        b"text" => Token::Text(value.to_vec()),
-        b"defn" => Token::Defn(value.to_vec()),
-        b"use" => Token::Use(value.to_vec()),
-        b"nl" => Token::Newline,
-        b"quote" => Token::Quote,
-        b"endquote" => Token::EndQuote,
-        b"begin" => Token::Begin(kind(inner)?),
-        b"end" => Token::End(kind(inner)?),
-        // Recognise a line of the index
-        b"index" => match inner.keyword {
-            b"defn" => Token::Ident(inner.text().to_vec()),
-            b"nl" => Token::EndIdents,
-            _ => return None,
-        },
-        _ => return None,
+pub fn parse_token(line: &[u8]) -> Option<(Token, &[u8])> {
+    WORDS.iter().find_map(|(token, word)| {
+        let rest = line.strip_prefix(word.trim_ascii_end())?;
+        let ends = rest.first().is_none_or(|b| *b == b' ');
+        ends.then(|| (*token, rest.get(1..).unwrap_or_default()))
     })
-}
-
-fn kind(mark: Mark) -> Option<Kind> {
-    match mark.keyword {
-        b"docs" => Some(Kind::Docs),
-        b"code" => Some(Kind::Code),
-        _ => None,
-    }
 }
 
 /// The command `markup [-t[N]] [file...]`.
@@ -295,49 +265,44 @@ impl StreamReader {
         let token = parse_token(line);
         self.stage = match (self.stage, &token) {
             // Follow the rules of the stream
-            (Outside, Some(Token::Begin(Kind::Code))) => Nameless,
-            (Nameless, Some(Token::Defn(_))) => Named,
-            (Nameless, Some(Token::Text(_))) => {
+            (Outside, Some((Token::BeginCode, _))) => Nameless,
+            (Nameless, Some((Token::Defn, _))) => Named,
+            (Nameless, Some((Token::Text, _))) => {
                 return Err("code chunk had no definition line");
             }
-            (Named, Some(Token::Newline)) => Inside,
+            (Named, Some((Token::Newline, _))) => Inside,
             (Named, _) => {
                 return Err("definition line not followed by newline");
             }
-            (Inside, Some(Token::End(Kind::Code))) => Outside,
+            (Inside, Some((Token::EndCode, _))) => Outside,
             (stage, _) => stage,
         };
         match token {
-            Some(token) => self.take(token),
+            Some((token, text)) => self.take(token, text),
             None => self.take_other(line),
         }
         Ok(())
     }
 
-    fn take(&mut self, token: Token) {
-        let place = self.place;
-        self.place.column += match &token {
-            Token::Text(text) => text.len() as u32,
-            Token::Use(name) => name.len() as u32 + 4,
-            Token::Quote | Token::EndQuote => 2,
-            _ => 0,
-        };
-        // Move on to the next line or file
-        match &token {
+    fn take(&mut self, token: Token, text: &[u8]) {
+        self.lexemes.push((token, text.to_vec(), self.place));
+        let Place { line, column, file } = &mut self.place;
+        match token {
+            Token::Text => *column += text.len() as u32,
+            Token::Use => *column += text.len() as u32 + 4,
+            Token::Quote | Token::EndQuote => *column += 2,
+            // Move on to the next line or file
             Token::Newline | Token::EndIdents => {
-                self.place.line += 1;
-                self.place.column = 1;
+                (*line, *column) = (*line + 1, 1);
             }
-            Token::File(name) => {
-                let file = self.sources.len() as u32;
-                self.place = Place { file, line: 1, column: 1 };
-                let text = std::fs::read(OsStr::from_bytes(name));
-                let text = text.unwrap_or_default();
-                self.sources.push(Source::new(name.clone(), text));
+            Token::File => {
+                (*file, *line, *column) = (self.sources.len() as u32, 1, 1);
+                let source = std::fs::read(OsStr::from_bytes(text));
+                let source = source.unwrap_or_default();
+                self.sources.push(Source::new(text.to_vec(), source));
             }
             _ => (),
         }
-        self.lexemes.push((token, place));
     }
 
     fn take_other(&mut self, line: &[u8]) {

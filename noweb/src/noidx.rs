@@ -11,6 +11,7 @@
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::ffi::OsString;
+use std::mem::{replace, take};
 
 use crate::Streams;
 use crate::diagnostic::shown;
@@ -74,22 +75,40 @@ struct Collector<'a> {
 
 impl<'a> Collector<'a> {
     fn read(&mut self, line: &'a [u8]) {
-        if let Some(mark) = Mark::read(line) {
-            self.note(mark);
-            self.lines.push(line.into());
-        }
-    }
-
-    fn note(&mut self, mark: Mark<'a>) {
-        match mark.keyword {
-            b"file" => self.file = self.codes.of(mark.text()),
-            b"begin" => self.code = mark.inner().keyword == b"code",
-            b"end" => self.anchor = None,
-            b"defn" => self.define(mark.text()),
-            b"use" if self.code => self.use_chunk(mark.text()),
-            b"index" => self.note_identifier(mark.inner()),
+        let Some(mark) = Mark::read(line) else { return };
+        let (name, inner) = (mark.text(), mark.inner());
+        match (mark.keyword, inner.keyword) {
+            // Note what a mark tells
+            (b"file", _) => self.file = self.codes.of(name),
+            (b"begin", kind) => self.code = kind == b"code",
+            (b"end", _) => self.anchor = None,
+            (b"defn", _) => self.define(name),
+            (b"use", _) if self.code => self.use_chunk(name),
+            // Note what happens to an identifier
+            (b"index", b"defn" | b"localdefn") => {
+                self.define_identifier(inner.text());
+            }
+            (b"index", b"use") => {
+                let item =
+                    self.web.identifiers.entry(inner.text()).or_default();
+                if let Some(anchor) = &self.anchor {
+                    item.mention(anchor, false);
+                }
+            }
+            // Note a mark of the index of Rust
+            (b"index", b"name") => {
+                let name = inner.inner();
+                self.web.shown.insert(name.keyword, name.text());
+            }
+            (b"index", b"anchor") => {
+                if let Some(anchor) = &self.anchor {
+                    let targets = &mut self.web.targets;
+                    targets.entry(inner.text()).or_insert(anchor.clone());
+                }
+            }
             _ => {}
         }
+        self.lines.push(line.into());
     }
 
     fn define(&mut self, name: &'a [u8]) {
@@ -116,31 +135,6 @@ impl<'a> Collector<'a> {
         self.insert(label);
     }
 
-    fn note_identifier(&mut self, mark: Mark<'a>) {
-        match mark.keyword {
-            b"defn" | b"localdefn" => self.define_identifier(mark.text()),
-            b"use" => {
-                let item = self.web.identifiers.entry(mark.text());
-                let item = item.or_default();
-                if let Some(anchor) = &self.anchor {
-                    item.mention(anchor, false);
-                }
-            }
-            // Note a mark of the index of Rust
-            b"name" => {
-                let name = mark.inner();
-                self.web.shown.insert(name.keyword, name.text());
-            }
-            b"anchor" => {
-                if let Some(anchor) = &self.anchor {
-                    let targets = &mut self.web.targets;
-                    targets.entry(mark.text()).or_insert(anchor.clone());
-                }
-            }
-            _ => {}
-        }
-    }
-
     fn define_identifier(&mut self, name: &'a [u8]) {
         let label = match &self.anchor {
             Some(anchor) => anchor.clone(),
@@ -164,6 +158,7 @@ struct Resolver<'a> {
     written: HashMap<&'a [u8], usize>,
     /// The identifiers that the chunk defines and uses so far.
     names: [HashSet<&'a [u8]>; 2],
+    /// Whether the lists of the end were written.
     closed: bool,
     /// The identifiers that the chapter defines and uses so far.
     chapter: [HashSet<&'a [u8]>; 2],
@@ -172,18 +167,33 @@ struct Resolver<'a> {
 impl<'a> Resolver<'a> {
     fn resolve(&mut self, line: &'a [u8]) {
         let Some(mark) = Mark::read(line) else { return };
-        match mark.keyword {
-            b"defn" => self.define(mark.text(), line),
-            b"end" => self.end(mark.inner(), line),
-            b"use" => self.use_chunk(mark.text(), line),
-            b"index" => self.index(mark.inner(), line),
-            // Close the document with the lists
-            b"trailer" => {
-                self.list_all_names();
-                self.copy(line);
+        let (web, name, inner) = (self.web, mark.text(), mark.inner());
+        match (mark.keyword, inner.keyword) {
+            (b"defn", _) => return self.define(name, line),
+            (b"end", kind) => self.end(kind),
+            (b"use", _) => self.refer(anchor(web.chunks.get(name))),
+            (b"trailer", _) => self.list_all_names(),
+            // Resolve what the index says
+            (b"index", b"defn" | b"localdefn") => {
+                self.names[0].insert(inner.text());
             }
-            _ => self.copy(line),
+            (b"index", b"use") => {
+                self.names[1].insert(inner.text());
+                let item = web.identifiers.get(inner.text());
+                if let Some(label) = item.and_then(Item::anchor) {
+                    self.refer(label.as_bytes());
+                }
+            }
+            // Resolve a mark of the index of Rust
+            (b"index", b"link") => {
+                if let Some(label) = web.targets.get(inner.text()) {
+                    self.refer(label.as_bytes());
+                }
+            }
+            (b"index", b"mini") => return self.list_chapter(),
+            _ => {}
         }
+        self.copy(line);
     }
 
     fn copy(&mut self, line: &[u8]) {
@@ -194,9 +204,13 @@ impl<'a> Resolver<'a> {
         put(&mut self.out, parts);
     }
 
+    fn refer(&mut self, label: &[u8]) {
+        self.put(&[b"@xref ref ", label]);
+    }
+
     fn define(&mut self, name: &'a [u8], line: &[u8]) {
         let Some(item) = self.web.chunks.get(name) else { return };
-        self.put(&[b"@xref ref ", anchor(Some(item))]);
+        self.refer(anchor(Some(item)));
         self.copy(line);
         let (labels, uses) = (item.labels(true), item.labels(false));
         let earlier = self.written.entry(name).or_default();
@@ -220,50 +234,21 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn use_chunk(&mut self, name: &'a [u8], line: &[u8]) {
-        self.put(&[b"@xref ref ", anchor(self.web.chunks.get(name))]);
-        self.copy(line);
-    }
-
     fn list(&mut self, kind: &str, item: &str, labels: &[&str]) {
         if labels.is_empty() {
             return;
         }
         self.put(&[b"@xref begin", kind.as_bytes()]);
         for label in labels {
-            let line = format!("@xref {item} {label}");
-            self.copy(line.as_bytes());
+            let parts = ["@xref ", item, " ", label].map(str::as_bytes);
+            self.put(&parts);
         }
         self.put(&[b"@xref end", kind.as_bytes()]);
     }
 
-    fn index(&mut self, mark: Mark<'a>, line: &[u8]) {
-        match mark.keyword {
-            b"defn" | b"localdefn" => {
-                self.names[0].insert(mark.text());
-            }
-            b"use" => {
-                self.names[1].insert(mark.text());
-                let item = self.web.identifiers.get(mark.text());
-                if let Some(label) = item.and_then(Item::anchor) {
-                    self.put(&[b"@xref ref ", label.as_bytes()]);
-                }
-            }
-            // Resolve a mark of the index of Rust
-            b"link" => {
-                if let Some(label) = self.web.targets.get(mark.text()) {
-                    self.put(&[b"@xref ref ", label.as_bytes()]);
-                }
-            }
-            b"mini" => return self.list_chapter(),
-            _ => {}
-        }
-        self.copy(line);
-    }
-
-    fn end(&mut self, chunk: Mark, line: &[u8]) {
-        let [defined, used] = std::mem::take(&mut self.names);
-        if chunk.keyword == b"code" {
+    fn end(&mut self, kind: &[u8]) {
+        let [defined, used] = take(&mut self.names);
+        if kind == b"code" {
             let used = &used - &defined;
             // Remember the names for the end of the chapter
             self.chapter[0].extend(&defined);
@@ -271,7 +256,6 @@ impl<'a> Resolver<'a> {
             self.list_names("def", defined, "isused");
             self.list_names("use", used, "isdefined");
         }
-        self.copy(line);
     }
 
     fn list_names(
@@ -296,7 +280,7 @@ impl<'a> Resolver<'a> {
     }
 
     fn list_chapter(&mut self) {
-        let [defined, used] = std::mem::take(&mut self.chapter);
+        let [defined, used] = take(&mut self.chapter);
         let mut listed = Vec::new();
         for name in self.web.sorted(&used - &defined) {
             let item = self.web.identifiers.get(name);
@@ -314,9 +298,8 @@ impl<'a> Resolver<'a> {
     }
 
     fn list_all_names(&mut self) {
-        if !std::mem::replace(&mut self.closed, true) {
-            self.copy(b"@nl");
-            self.copy(b"@nl");
+        if !replace(&mut self.closed, true) {
+            self.put(&[b"@nl\n@nl"]);
             let web = self.web;
             self.list_items("@xref", ["chunks", "chunk"], &web.chunks);
             self.list_items("@index", ["index", "entry"], &web.identifiers);
@@ -349,22 +332,15 @@ fn anchor(item: Option<&Item>) -> &[u8] {
     item.and_then(Item::anchor).unwrap_or("nw@notdef").as_bytes()
 }
 
-fn sort_key(name: &[u8]) -> Vec<u8> {
-    [&name.to_ascii_lowercase(), &b"\n"[..], name].concat()
-}
-
 impl<'a> Findings<'a> {
     fn sorted(&self, names: HashSet<&'a [u8]>) -> Vec<&'a [u8]> {
         let mut names: Vec<_> = names.into_iter().collect();
-        names.sort_by_cached_key(|name| self.sort_key(name));
+        names.sort_by_cached_key(|name| {
+            let shown = self.shown.get(name).unwrap_or(name);
+            let lower = shown.to_ascii_lowercase();
+            [&lower, &b"\n"[..], shown, name].concat()
+        });
         names
-    }
-
-    fn sort_key(&self, name: &'a [u8]) -> Vec<u8> {
-        match self.shown.get(name) {
-            Some(shown) => [&sort_key(shown), name].concat(),
-            None => sort_key(name),
-        }
     }
 }
 
@@ -380,7 +356,6 @@ pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
         out: Vec::new(),
         written: HashMap::new(),
         names: <[_; 2]>::default(),
-        // Begin with no list written
         closed: false,
         // Begin with no names of a chapter
         chapter: <[_; 2]>::default(),

@@ -67,10 +67,10 @@ impl Text {
 
 /// The web of a stream; the line of a place is that of the stream.
 fn web(lines: &[&[u8]]) -> Web {
-    let place = |line| Place { file: 0, line, column: 1 };
-    let tokens = lines.iter().zip(0..);
-    let lexemes = tokens
-        .filter_map(|(text, line)| Some((parse_token(text)?, place(line))));
+    let lexemes = lines.iter().zip(0..).filter_map(|(text, line)| {
+        let (token, text) = parse_token(text)?;
+        Some((token, text.to_vec(), Place { file: 0, line, column: 1 }))
+    });
     Web::from_lexemes(lexemes.collect())
 }
 /// What each word and each comment of a file is; `items` tells the words

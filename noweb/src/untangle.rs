@@ -17,6 +17,7 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use noweb_core::conflict::edit_fault;
 use noweb_core::markup::{begins_docs, mark_up};
 use similar::{Algorithm, DiffTag, capture_diff_slices};
 
@@ -29,7 +30,7 @@ use crate::project::{
     Expansion, Project, Read, differs, expand_sources, hash, parse,
     with_ends,
 };
-use crate::reading::{conflicts, edit_fault};
+use crate::reading::conflicts;
 use crate::tangle::{Segment, Tangled, tangle};
 use crate::web::Web;
 use crate::{Streams, error};

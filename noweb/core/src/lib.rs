@@ -10,6 +10,7 @@
 //! the prose may be in any encoding.
 
 pub mod comment;
+pub mod conflict;
 pub mod cpif;
 pub mod diagnostic;
 pub mod markup;

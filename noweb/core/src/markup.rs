@@ -9,38 +9,32 @@ use std::mem::replace;
 
 use crate::diagnostic::{Complaint, Diagnostic, Level, Place, Source};
 
-/// What a chunk holds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Kind {
-    #[default]
-    Docs,
-    Code,
-}
-
-/// One token of the stream.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// What a token is; most have a text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Token {
-    File(Vec<u8>),
-    /// A chunk begins.
-    Begin(Kind),
-    End(Kind),
-    Text(Vec<u8>),
+    File,
+    /// A chunk begins; the text is its number in the file.
+    BeginDocs,
+    BeginCode,
+    EndDocs,
+    EndCode,
+    Text,
     /// More of the same text, after an escape that the lexer took out.
-    More(Vec<u8>),
+    More,
     Newline,
     /// The name that a code chunk defines.
-    Defn(Vec<u8>),
-    Use(Vec<u8>),
+    Defn,
+    Use,
     Quote,
     EndQuote,
     /// An identifier that the chunk defines.
-    Ident(Vec<u8>),
+    Ident,
     /// The end of a line of such identifiers.
     EndIdents,
 }
 
-/// A token and where it begins.
-pub type Lexeme = (Token, Place);
+/// A token, its text, and where it begins.
+pub type Lexeme = (Token, Vec<u8>, Place);
 
 fn is_space(byte: &u8) -> bool {
     byte.is_ascii_whitespace() || *byte == 0x0b
@@ -112,8 +106,8 @@ pub fn mark_up(
         definitions: source.definitions.as_ref(),
         ..Lexer::default()
     };
-    lexer.emit(Token::File(source.name.clone()), 0);
-    lexer.emit(Token::Begin(Kind::Docs), 0);
+    lexer.emit(Token::File, &source.name, 0);
+    lexer.bound([Token::BeginDocs, Token::BeginCode]);
     let mut ended = true;
     for line in text.split_inclusive(|b| *b == b'\n') {
         lexer.line = line.strip_suffix(b"\n").unwrap_or(line);
@@ -133,7 +127,9 @@ pub fn without_mark(text: &[u8]) -> &[u8] {
 #[derive(Default)]
 struct Lexer<'a> {
     place: Place,
-    kind: Kind,
+    /// Whether we are in a chunk of code, and its number.
+    code: bool,
+    chunk: usize,
     /// The line before has listed identifiers.
     listed: bool,
     definitions: Option<&'a BTreeSet<usize>>,
@@ -156,7 +152,7 @@ pub fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
         .map(|line| line.strip_suffix(b"\n").unwrap_or(line))
 }
 
-impl Lexer<'_> {
+impl<'a> Lexer<'a> {
     fn mark_line(&mut self, ended: bool) {
         let line = self.line;
         self.place.line += 1;
@@ -165,17 +161,17 @@ impl Lexer<'_> {
         let defines = |all: &BTreeSet<usize>| all.contains(&self.start);
         let defines = !foreign || self.definitions.is_some_and(defines);
         if let Some(name) = defined_name(line).filter(|_| defines) {
-            self.begin(Kind::Code);
-            self.emit(Token::Defn(name.to_vec()), 2);
-            self.emit(Token::Newline, line.len());
+            self.begin(true);
+            self.emit(Token::Defn, name, 2);
+            self.emit(Token::Newline, b"", line.len());
         } else if let Some(names) = listed_identifiers(line)
             && !foreign
         {
             for name in names {
-                self.emit(Token::Ident(name.to_vec()), 0);
+                self.emit(Token::Ident, name, 0);
             }
-            self.emit(Token::EndIdents, line.len());
-            self.listed = self.kind == Kind::Code;
+            self.emit(Token::EndIdents, b"", line.len());
+            self.listed = self.code;
         } else {
             // Begin prose if the line says so
             let marked = !foreign && begins_docs(line);
@@ -183,7 +179,7 @@ impl Lexer<'_> {
                 self.at = line.len().min(2);
             }
             if marked || self.listed {
-                self.begin(Kind::Docs);
+                self.begin(false);
             }
             self.scan(ended);
         }
@@ -191,23 +187,29 @@ impl Lexer<'_> {
 
     /// Whether we are in prose that does not follow our rules.
     fn is_foreign(&self) -> bool {
-        self.kind == Kind::Docs && self.definitions.is_some()
+        !self.code && self.definitions.is_some()
     }
 
-    fn begin(&mut self, kind: Kind) {
+    fn begin(&mut self, code: bool) {
         self.close_quote();
-        self.emit(Token::End(self.kind), 0);
-        self.kind = kind;
-        self.listed = false;
-        self.emit(Token::Begin(kind), 0);
+        self.bound([Token::EndDocs, Token::EndCode]);
+        (self.code, self.listed) = (code, false);
+        self.chunk += 1;
+        self.bound([Token::BeginDocs, Token::BeginCode]);
+    }
+
+    /// Emits a bound of a chunk, the one for prose or the one for code.
+    fn bound(&mut self, tokens: [Token; 2]) {
+        let number = self.chunk.to_string();
+        self.emit(tokens[usize::from(self.code)], number.as_bytes(), 0);
     }
 
     fn finish(&mut self, ended: bool) {
         self.close_quote();
         if !ended {
-            self.emit(Token::Newline, self.line.len());
+            self.emit(Token::Newline, b"", self.line.len());
         }
-        self.emit(Token::End(self.kind), 0);
+        self.bound([Token::EndDocs, Token::EndCode]);
     }
 
     fn close_quote(&mut self) {
@@ -226,7 +228,7 @@ impl Lexer<'_> {
             self.escape(2);
         }
         while self.at < self.line.len() {
-            if self.kind == Kind::Code || self.quote.is_some() {
+            if self.code || self.quote.is_some() {
                 self.scan_code();
             } else {
                 self.scan_docs();
@@ -234,7 +236,7 @@ impl Lexer<'_> {
         }
         self.end_text(ended);
         if ended {
-            self.emit(Token::Newline, self.at);
+            self.emit(Token::Newline, b"", self.at);
         }
     }
 
@@ -245,7 +247,7 @@ impl Lexer<'_> {
             }
             [b'[', b'[', ..] => {
                 self.quote = Some(self.place_at(self.at));
-                self.pass(Token::Quote, 2);
+                self.pass(Token::Quote, b"", 2);
             }
             [b'<', b'<', ..] => {
                 self.complain_of_brackets();
@@ -280,7 +282,7 @@ impl Lexer<'_> {
             }
             rest @ [b']', b']', ..] if quoting => {
                 self.at += count(rest, b']') - 2;
-                self.pass(Token::EndQuote, 2);
+                self.pass(Token::EndQuote, b"", 2);
                 self.quote = None;
             }
             [b'<', b'<', rest @ ..] => {
@@ -296,7 +298,7 @@ impl Lexer<'_> {
         match end {
             Ok(length) => {
                 let name = &self.line[self.at + 2..][..length];
-                self.pass(Token::Use(name.to_vec()), length + 4);
+                self.pass(Token::Use, name, length + 4);
             }
             Err(length) => self.at += length + 2,
         }
@@ -306,8 +308,8 @@ impl Lexer<'_> {
         Place { column: at as u32 + 1, ..self.place }
     }
 
-    fn emit(&mut self, token: Token, at: usize) {
-        self.lexemes.push((token, self.place_at(at)));
+    fn emit(&mut self, token: Token, text: &[u8], at: usize) {
+        self.lexemes.push((token, text.to_vec(), self.place_at(at)));
     }
 
     /// Passes an escape of so many bytes, of which the first is dropped.
@@ -319,10 +321,10 @@ impl Lexer<'_> {
 
     fn flush(&mut self) {
         if self.text_at < self.at {
-            let text = self.line[self.text_at..self.at].to_vec();
+            let text = &self.line[self.text_at..self.at];
             let glued = replace(&mut self.glued, true);
             let token = if glued { Token::More } else { Token::Text };
-            self.emit(token(text), self.text_at);
+            self.emit(token, text, self.text_at);
         }
         self.text_at = self.at;
     }
@@ -330,14 +332,14 @@ impl Lexer<'_> {
     fn end_text(&mut self, even_empty: bool) {
         self.flush();
         if even_empty && !self.glued {
-            self.emit(Token::Text(Vec::new()), self.at);
+            self.emit(Token::Text, b"", self.at);
         }
         self.glued = false;
     }
 
-    fn pass(&mut self, token: Token, length: usize) {
+    fn pass(&mut self, token: Token, text: &[u8], length: usize) {
         self.end_text(false);
-        self.emit(token, self.at);
+        self.emit(token, text, self.at);
         self.at += length;
         self.text_at = self.at;
     }

@@ -17,6 +17,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
+use crate::conflict::read;
 use crate::cpif::replace;
 use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Position, Source, bytes_of, checked,
@@ -217,7 +218,7 @@ impl Project {
             record: PathBuf::new(),
             chapters,
             words: String::new(),
-            read: |name, text, _| Ok(Source::new(name, text)),
+            read,
         }
     }
 

@@ -14,7 +14,7 @@ use strsim::generic_levenshtein;
 use crate::diagnostic::{
     Complaint, Faults, Place, Position, Source, text_of,
 };
-use crate::markup::{Kind, Lexeme, Token};
+use crate::markup::{Lexeme, Token};
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Piece {
@@ -68,15 +68,15 @@ impl Web {
     pub fn from_lexemes(lexemes: Vec<Lexeme>) -> Self {
         let mut web = Self::default();
         let (mut chunk, mut heading) = (None, false);
-        for (token, place) in lexemes {
+        for (token, text, place) in lexemes {
             match (token, chunk) {
-                (Token::Defn(name), _) => {
-                    chunk = Some(web.define(name, place));
+                (Token::Defn, _) => {
+                    chunk = Some(web.define(text, place));
                     heading = true;
                 }
-                (Token::End(Kind::Code), _) => chunk = None,
+                (Token::EndCode, _) => chunk = None,
                 (Token::Newline, Some(_)) if heading => heading = false,
-                (token, Some(chunk)) => web.add(chunk, token, place),
+                (_, Some(chunk)) => web.add(chunk, token, text, place),
                 _ => (),
             }
         }
@@ -96,17 +96,23 @@ impl Web {
         index
     }
 
-    fn add(&mut self, chunk: usize, token: Token, place: Place) {
+    fn add(
+        &mut self,
+        chunk: usize,
+        token: Token,
+        text: Vec<u8>,
+        at: Place,
+    ) {
         let piece = match token {
-            Token::Text(text) | Token::More(text) => Piece::Text(text),
+            Token::Text | Token::More => Piece::Text(text),
             Token::Newline => Piece::Newline,
-            Token::Use(name) => {
-                self.uses.entry(name.clone()).or_insert(place);
-                Piece::Use(name)
+            Token::Use => {
+                self.uses.entry(text.clone()).or_insert(at);
+                Piece::Use(text)
             }
             _ => return,
         };
-        self.chunks[chunk].pieces.push((piece, place));
+        self.chunks[chunk].pieces.push((piece, at));
     }
 
     pub fn find(&self, name: &[u8]) -> Option<usize> {
