@@ -201,18 +201,13 @@ const NOTANGLE: &str = "[OPTION...] [FILE...]
 
 /// The command `noroots [-t[N]] [file...]`.
 fn run_noroots(args: &[OsString], streams: &mut Streams) -> u8 {
-    let (tab, files, mut faults) = markup::read_arguments(args);
-    let mut list = Vec::new();
-    match read_web(&files, &[], tab, streams) {
-        Ok(web) if faults.is_empty() => {
-            let root = |c: &&Chunk| !web.uses.contains_key(&c.name);
-            for chunk in web.chunks.iter().filter(root) {
-                list.extend([b"<<", &chunk.name[..], b">>\n"].concat());
-            }
-        }
-        Ok(_) => (),
-        Err(failure) => faults.extend(failure.faults),
-    }
-    let result = streams.output.write_all(&list);
-    streams.conclude(result, &faults).min(1)
+    let (tab, files, faults) = markup::read_arguments(args);
+    let told = streams.conclude(Ok(()), &faults);
+    let Ok(web) = read_web(&files, &[], tab, streams) else { return 1 };
+    let root = |c: &&Chunk| told == 0 && !web.uses.contains_key(&c.name);
+    let roots = web.chunks.iter().filter(root);
+    let lines = roots.map(|c| [b"<<", &c.name[..], b">>\n"].concat());
+    let lines: Vec<_> = lines.collect();
+    let result = streams.output.write_all(&lines.concat());
+    streams.conclude(result, &[]).max(told).min(1)
 }

@@ -16,38 +16,28 @@ use crate::diagnostic::{Faults, Source, checked, failure, shown};
 use crate::markup::{mark_files, mark_up, read_stream as read_tokens};
 use crate::stream::broken;
 use crate::web::Web;
-use crate::{Streams, error, status};
-
-#[derive(Clone, Debug)]
-pub struct Failure {
-    pub faults: Faults,
-    /// The exit status that noweb would give.
-    pub status: u8,
-}
-
-impl From<Faults> for Failure {
-    fn from(faults: Faults) -> Self {
-        Self { faults, status: 1 }
-    }
-}
+use crate::{Streams, error};
 
 /// The web of some files, `-` being standard input, whose stream goes
-/// through some shell commands in turn.
+/// through some shell commands in turn; or the exit status.
 pub fn read_web(
     files: &[OsString],
     filters: &[OsString],
     tab: usize,
     streams: &mut Streams,
-) -> Result<Web, Failure> {
+) -> Result<Web, u8> {
     if filters.is_empty() {
-        return Ok(read_sources(streams.sources(files)?, tab)?);
+        let all = streams.sources(files);
+        let web = all.and_then(|all| read_sources(all, tab));
+        return web.map_err(|faults| streams.fail(&faults));
     }
     let (stream, faults) = mark_files(files, tab, streams);
-    let mut stream = checked(stream, faults)?;
+    let stream = checked(stream, faults);
+    let mut stream = stream.map_err(|faults| streams.fail(&faults))?;
     for filter in filters {
         stream = run_shell(filter, &stream, streams)?;
     }
-    parse(&stream)
+    parse(&stream, streams)
 }
 
 /// The web of some sources; `tab` is the distance of tab stops, or 0.
@@ -60,17 +50,21 @@ pub fn read_sources(
     checked(web, faults)
 }
 
-pub fn read_stream(streams: &mut Streams) -> Result<Web, Failure> {
-    parse(&streams.read(OsStr::new("-"))?.text)
+pub fn read_stream(streams: &mut Streams) -> Result<Web, u8> {
+    let stream = streams.read(OsStr::new("-"));
+    let stream = stream.map_err(|faults| streams.fail(&faults))?;
+    parse(&stream.text, streams)
 }
 
-fn parse(stream: &[u8]) -> Result<Web, Failure> {
+fn parse(stream: &[u8], streams: &mut Streams) -> Result<Web, u8> {
     if broken(stream).is_some() {
-        return Err(Vec::new().into());
+        return Err(1);
     }
     let (web, faults) = read_tokens(stream);
-    let status = status(&faults);
-    if status == 0 { Ok(web) } else { Err(Failure { faults, status }) }
+    match streams.conclude(Ok(()), &faults) {
+        0 => Ok(web),
+        status => Err(status),
+    }
 }
 
 /// An argument as a word that the shell does not look into.
@@ -80,7 +74,7 @@ pub fn quoted(arg: &OsStr) -> OsString {
     OsString::from_vec([b" '", &word[..], b"'"].concat())
 }
 
-/// What a shell command writes when it reads a text.
+/// What a shell command writes when it reads a text, or our exit status.
 ///
 /// Its complaints go to the error stream. A failure of the command is a
 /// failure of the pipeline, for its output may be cut short.
@@ -88,9 +82,9 @@ pub fn run_shell(
     command: &OsStr,
     input: &[u8],
     streams: &mut Streams,
-) -> Result<Vec<u8>, Failure> {
-    let output = converse(command, input);
-    let output = output.map_err(|e| failure("run", command, e))?;
+) -> Result<Vec<u8>, u8> {
+    let output = converse(command, input)
+        .map_err(|e| streams.fail(&failure("run", command, e)))?;
     // There is nobody left to tell if this fails.
     let _ = streams.errors.write_all(&output.stderr);
     if output.status.success() {
@@ -98,7 +92,7 @@ pub fn run_shell(
     }
     let (command, status) = (shown(command), output.status);
     let text = format!("the filter `{command}' failed ({status})");
-    Err(error(text).into())
+    Err(streams.fail(&error(text)))
 }
 
 fn converse(command: &OsStr, input: &[u8]) -> io::Result<Output> {

@@ -12,9 +12,11 @@ use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
-use crate::diagnostic::{Position, Source, bytes_of, text_of};
+use crate::diagnostic::{Position, bytes_of, text_of};
 use crate::project::{Project, hash};
+use crate::stream::lines;
 use crate::tangle::Tangled;
 use crate::web::Web;
 
@@ -22,15 +24,13 @@ use crate::web::Web;
 #[derive(Default)]
 pub struct Atlas {
     dir: PathBuf,
-    webs: Vec<Web>,
     files: BTreeMap<PathBuf, TangledFile>,
 }
 
 pub struct TangledFile {
     pub project: usize,
-    web: usize,
+    web: Rc<Web>,
     tangled: Tangled,
-    source: Source,
     /// The file on the disk is the same.
     pub fresh: bool,
 }
@@ -44,18 +44,16 @@ impl Atlas {
             let Ok(program) = of.expand() else { continue };
             let dir = of.dir.join(".");
             atlas.dir = fs::canonicalize(&dir).unwrap_or(dir).join("");
+            let web = Rc::new(program.web);
             for (path, tangled) in program.files {
                 // Add a file of the program
                 let disk = fs::read(atlas.dir.join(&path));
                 let text = hash(&tangled.text);
                 let fresh = disk.is_ok_and(|disk| hash(&disk) == text);
-                let source = Source::new(Vec::new(), tangled.text.clone());
-                let web = atlas.webs.len();
-                let file =
-                    TangledFile { project, web, tangled, source, fresh };
+                let web = web.clone();
+                let file = TangledFile { project, web, tangled, fresh };
                 atlas.files.insert(path, file);
             }
-            atlas.webs.push(program.web);
         }
         atlas
     }
@@ -84,25 +82,20 @@ impl Atlas {
         let (_, file) = ending.next()?;
         ending.next().is_none().then_some((start, file))
     }
-
-    /// Where a position of a file comes from; columns count characters.
-    pub fn origin(
-        &self,
-        file: &TangledFile,
-        line: u32,
-        column: u32,
-    ) -> Option<Position> {
-        let column = byte_column(&file.source, line, column);
-        let place = file.tangled.origin(line, column)?;
-        self.webs[file.web].position(place)
-    }
 }
 
-/// The column in bytes of a column in characters, both from 1.
-fn byte_column(source: &Source, line: u32, column: u32) -> u32 {
-    let line = text_of(source.line(line).unwrap_or_default());
-    let before = line.chars().take(column.saturating_sub(1) as usize);
-    bytes_of(&before.collect::<String>()).len() as u32 + 1
+impl TangledFile {
+    /// Where a position comes from; columns count characters.
+    pub fn origin(&self, line: u32, column: u32) -> Option<Position> {
+        // Find the bytes before a character
+        let index = |number: u32| number.saturating_sub(1) as usize;
+        let text = lines(&self.tangled.text).nth(index(line));
+        let text = text_of(text.unwrap_or_default());
+        let before = text.chars().take(index(column)).collect::<String>();
+        let before = bytes_of(&before);
+        let place = self.tangled.origin(line, before.len() as u32 + 1)?;
+        self.web.position(place)
+    }
 }
 
 /// Where the path begins that a text ends with, if it is an ordinary one.

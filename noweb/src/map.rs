@@ -106,7 +106,7 @@ impl Filter {
             }
             return None;
         }
-        Some((start, atlas.origin(file, line, column)?))
+        Some((start, file.origin(line, column)?))
     }
 
     /// Widens the margin of a message, and numbers its line anew.

@@ -337,8 +337,8 @@ impl<'a> Findings<'a> {
         let mut names: Vec<_> = names.into_iter().collect();
         names.sort_by_cached_key(|name| {
             let shown = self.shown.get(name).unwrap_or(name);
-            let lower = shown.to_ascii_lowercase();
-            [&lower, &b"\n"[..], shown, name].concat()
+            let key = if shown == name { b"" } else { *name };
+            [&shown.to_ascii_lowercase(), &b"\n"[..], shown, key].concat()
         });
         names
     }

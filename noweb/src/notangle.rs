@@ -8,7 +8,7 @@ use std::ffi::OsString;
 use std::mem::replace;
 
 use crate::diagnostic::{Diagnostic, Faults, Level, Place, text_of};
-use crate::filter::{self, Failure, read_web};
+use crate::filter::{self, read_web};
 use crate::markup::parse_tab;
 use crate::project::warn;
 use crate::tangle::tangle;
@@ -121,8 +121,9 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         request.files.push("-".into());
     }
     let tab = if request.tab.is_some() { 0 } else { 8 };
+    let told = streams.conclude(Ok(()), &request.faults);
     let web = read_web(&request.files, &request.filters, tab, streams);
-    write_roots(web, request, streams)
+    web.map_or_else(|e| e, |web| write_roots(&web, request, told, streams))
 }
 
 /// The command `nt`: the last stage alone, on a stream.
@@ -131,39 +132,33 @@ pub fn run_nt(args: &[OsString], streams: &mut Streams) -> u8 {
     for arg in args {
         request.option(arg.as_encoded_bytes());
     }
+    let told = streams.conclude(Ok(()), &request.faults);
     let web = filter::read_stream(streams);
-    write_roots(web, request, streams)
+    web.map_or_else(|e| e, |web| write_roots(&web, request, told, streams))
 }
 
+/// Writes some roots; `told` is the status of what was told before.
 fn write_roots(
-    web: Result<Web, Failure>,
+    web: &Web,
     request: Request,
+    told: u8,
     streams: &mut Streams,
 ) -> u8 {
-    let Request { mut roots, tab, format, mut faults, .. } = request;
-    // Give up unless there is a web
-    let web = match web {
-        Ok(web) => web,
-        Err(failure) => {
-            faults.extend(failure.faults);
-            streams.conclude(Ok(()), &faults);
-            return failure.status;
-        }
-    };
+    let Request { mut roots, tab, format, .. } = request;
     if roots.is_empty() {
         roots.push(b"*".to_vec());
     }
-    faults.extend(dotted(&web));
+    let mut faults = dotted(web);
     let (tab, format) = (tab.unwrap_or(0), format.as_deref());
     let mut layout =
-        Layout { web: &web, tab, format, said: None, out: Vec::new() };
+        Layout { web, tab, format, said: None, out: Vec::new() };
     for root in &roots {
         // Expand one root
         let Some(chunk) = web.find(root) else {
-            faults.push(missing_root(&web, root));
+            faults.push(missing_root(web, root));
             break;
         };
-        match tangle(&web, chunk, false) {
+        match tangle(web, chunk, false) {
             Ok(_) => layout.write(chunk),
             Err(mut more) => {
                 more.retain(|fault| !faults.contains(fault));
@@ -171,10 +166,10 @@ fn write_roots(
             }
         }
     }
-    let failed = status(&faults) >= Level::Error as u8;
+    let failed = told.max(status(&faults)) >= Level::Error as u8;
     let text = if failed { &b""[..] } else { &layout.out };
     let result = streams.output.write_all(text);
-    streams.conclude(result, &faults)
+    streams.conclude(result, &faults).max(told)
 }
 
 fn column_after(text: &[u8], column: usize, tab: usize) -> usize {

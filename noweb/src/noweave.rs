@@ -205,8 +205,7 @@ impl Stage {
             return if status == 0 { Ok(output) } else { Err(1) };
         }
         // Run a foreign stage in the shell
-        let result = run_shell(&self.line(), input, streams);
-        result.map_err(|failure| streams.fail(&failure.faults))
+        run_shell(&self.line(), input, streams)
     }
 
     fn line(&self) -> OsString {

@@ -243,7 +243,7 @@ proptest! {
                 let blank = line.len() - line.trim_start().len();
                 let named = line.contains("Do ");
                 for (c, column) in line.chars().zip(1..).skip(blank) {
-                    let at = atlas.origin(file, number, column);
+                    let at = file.origin(number, column);
                     let at = at.expect("a position");
                     let there = chapter.lines().nth(at.line as usize - 1);
                     let there = there.expect("a line");

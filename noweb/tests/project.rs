@@ -475,6 +475,35 @@ fn marks_of_a_conflict_are_refused_with_their_lines() {
 }
 
 #[test]
+fn a_build_script_refuses_the_marks_of_a_conflict() {
+    let scratch = project();
+    let chapters = vec!["chapters/a.nw".into()];
+    let mut project = noweb_core::project::Project::new(chapters);
+    project.dir = scratch.path().to_owned();
+    project.record = ".tangled".into();
+    project.tangle().expect("a program");
+    let conflict = "<<<<<<< a\nours\n=======\ntheirs\n>>>>>>> b\n";
+    for text in
+        [format!("{CHAPTER}{conflict}"), conflict.to_owned() + CHAPTER]
+    {
+        scratch.write("chapters/a.nw", &text);
+        let faults = project.tangle().expect_err("a conflict");
+        let lines: Vec<u32> = faults
+            .iter()
+            .map(|fault| fault.position.as_ref().expect("a line").line)
+            .collect();
+        let first = text[..text.find("<<<<<<<").unwrap()].lines().count();
+        let first = first as u32 + 1;
+        assert_eq!(lines, [first, first + 2, first + 4]);
+        assert_eq!(scratch.read("src/main.rs"), MAIN);
+    }
+    // A line of equal signs is none, nor is what a program has anyhow.
+    let heading = format!("A heading\n=======\n{CHAPTER}");
+    scratch.write("chapters/a.nw", heading);
+    project.tangle().expect("a program");
+}
+
+#[test]
 fn a_record_with_a_conflict_knows_both_sides_and_heals() {
     for is_ours_first in [true, false] {
         let scratch = project();
