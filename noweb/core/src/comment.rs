@@ -90,7 +90,6 @@ fn token_length(text: &[u8]) -> Option<usize> {
         (b"", [b'/', b'/', ..]) => behind(0, b"\n"),
         (b"", [b'/', b'*', ..]) => {
             let (mut depth, mut at) = (1, 2);
-            // Skip the comment and those inside
             while depth > 0 {
                 match text.get(at..at + 2)? {
                     b"/*" => (depth, at) = (depth + 1, at + 2),

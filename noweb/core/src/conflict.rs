@@ -1,4 +1,4 @@
-// Tangled from noweb/chapters/core.nw; edit there.
+// Tangled from noweb/chapters/reading.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 

@@ -109,7 +109,6 @@ pub fn mark_up(
     lexer.emit(Token::File, &source.name, 0);
     lexer.bound([Token::BeginDocs, Token::BeginCode]);
     let mut ended = true;
-    // Mark up each line
     for line in text.split_inclusive(|b| *b == b'\n') {
         lexer.line = line.strip_suffix(b"\n").unwrap_or(line);
         ended = lexer.line.len() < line.len();
@@ -168,7 +167,6 @@ impl<'a> Lexer<'a> {
         } else if let Some(names) = listed_identifiers(line)
             && !foreign
         {
-            // Emit the identifiers of the list
             for name in names {
                 self.emit(Token::Ident, name, 0);
             }

@@ -66,7 +66,6 @@ pub fn tangle(
     let mut expander = Expander {
         web,
         rust,
-        // Begin with nothing written
         tangled: Tangled::default(),
         line: 1,
         line_start: 0,
