@@ -37,9 +37,12 @@ fn tangle() -> Result<Vec<PathBuf>, String> {
     let chapters = included(Path::new("."), Path::new(MASTER))
         .map_err(|error| format!("{MASTER}: {error}"))?;
     let mut watched = chapters.clone();
-    let mut project = Project::new(chapters);
-    project.record = PathBuf::from("src/.tangled");
-    project.words = format!(" {MASTER}");
+    let project = Project {
+        record: PathBuf::from("src/.tangled"),
+        chapters,
+        words: format!(" {MASTER}"),
+        ..Project::default()
+    };
     let all = |diagnostics: Vec<Diagnostic>| {
         let lines = diagnostics.iter().map(|d| d.to_string());
         lines.collect::<Vec<_>>().join("\n")

@@ -186,22 +186,21 @@ pub fn mark_files(
 
 /// Tab stops, files (standard input if none) and complaints.
 pub fn read_arguments(args: &[OsString]) -> (usize, Vec<OsString>, Faults) {
-    let mut tab = 8;
-    let mut faults = Vec::new();
+    let (mut tab, mut faults) = (8, Vec::new());
     let is_option = |arg: &&OsString| {
         arg.as_encoded_bytes().starts_with(b"-") && *arg != "-"
     };
     let options = args.iter().take_while(is_option).count();
+    let (options, files) = args.split_at(options);
     // Read the options for tabs
-    for arg in &args[..options] {
+    for arg in options {
         match parse_tab(arg.as_encoded_bytes()) {
             Ok(stops) => tab = stops,
             Err(text) => faults.extend(error(text)),
         }
     }
-    let files = args[options..].to_vec();
-    let files = if files.is_empty() { vec!["-".into()] } else { files };
-    (tab, files, faults)
+    let files = if files.is_empty() { &["-".into()] } else { files };
+    (tab, files.to_vec(), faults)
 }
 
 /// The distance of the tab stops that `-t` or `-tN` asks for.

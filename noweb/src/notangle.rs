@@ -9,10 +9,10 @@ use std::mem::replace;
 
 use crate::diagnostic::{Diagnostic, Faults, Level, Place, text_of};
 use crate::filter::{self, read_web};
-use crate::markup::parse_tab;
+use crate::markup::{Token, parse_tab};
 use crate::project::warn;
 use crate::tangle::tangle;
-use crate::web::{Chunk, Piece, Web, quoted};
+use crate::web::{Chunk, Web, quoted};
 use crate::{Streams, status};
 
 /// A line directive, or what follows a percent sign and means nothing.
@@ -203,32 +203,36 @@ impl Layout<'_> {
         let pieces = |c: usize| web.chunks[c].pieces.iter().enumerate();
         let mut stack = vec![(pieces(root), 0, 0)];
         while let Some((rest, indent, column)) = stack.last_mut() {
-            let Some((index, (piece, place))) = rest.next() else {
+            let Some((index, (token, text, place))) = rest.next() else {
                 stack.pop();
                 continue;
             };
-            if self.format.is_none() && *column == 0 && !is_blank(piece) {
+            let blank = match token {
+                Token::Newline => true,
+                token => *token != Token::Use && text.is_empty(),
+            };
+            if self.format.is_none() && *column == 0 && !blank {
                 *column = *indent;
                 self.out.extend(indentation(*indent, self.tab));
             }
             // Write one piece
-            match piece {
-                Piece::Text(text) if text.is_empty() => {}
-                Piece::Text(text) => {
-                    self.direct(*place, index == 0, *column);
-                    self.out.extend(text);
-                    *column = column_after(text, *column, self.tab);
-                }
-                Piece::Newline => {
+            match token {
+                Token::Newline => {
                     self.out.push(b'\n');
                     *column = 0;
                     self.said = self.said.map(|(f, line)| (f, line + 1));
                 }
-                Piece::Use(name) => {
+                Token::Use => {
                     let here = *column;
-                    *column = column_after(name, here + 2, self.tab) + 2;
-                    let chunk = web.find(name).map(pieces);
+                    *column = column_after(text, here + 2, self.tab) + 2;
+                    let chunk = web.find(text).map(pieces);
                     stack.extend(chunk.map(|pieces| (pieces, here, here)));
+                }
+                _ if blank => {}
+                _ => {
+                    self.direct(*place, index == 0, *column);
+                    self.out.extend(text);
+                    *column = column_after(text, *column, self.tab);
                 }
             }
         }
@@ -252,10 +256,6 @@ impl Layout<'_> {
         let width = if heads_chunk { 0 } else { column };
         self.out.extend(indentation(width, self.tab));
     }
-}
-
-fn is_blank(piece: &Piece) -> bool {
-    *piece == Piece::Newline || *piece == Piece::Text(Vec::new())
 }
 
 fn missing_root(web: &Web, root: &[u8]) -> Diagnostic {

@@ -19,14 +19,15 @@ pub use noweb_core::project::{
 use crate::commonmark::{is_markdown, links};
 use crate::diagnostic::{Diagnostic, Faults, Level, shown, text_of};
 use crate::filter::quoted as quoted_word;
+use crate::markup::Token;
 use crate::reading::read;
 use crate::stream::lines;
-use crate::web::{Chunk, Piece, Web, quoted};
+use crate::web::{Chunk, Web, quoted};
 use crate::{Streams, error};
 
 /// A project with these chapters, which may be in Markdown.
 pub fn of(chapters: Vec<PathBuf>, words: String) -> Project {
-    Project { words, read, ..Project::new(chapters) }
+    Project { chapters, words, read: Some(read), ..Project::default() }
 }
 
 /// A master and, in their order, the chapters that it includes: a file in
@@ -152,8 +153,8 @@ pub fn warn(web: &Web, chunk: &Chunk, text: String) -> Diagnostic {
 fn mark_below(web: &Web, chunk: usize, marked: &mut [bool]) {
     let mut waiting = vec![chunk];
     while let Some(chunk) = waiting.pop() {
-        for (piece, _) in &web.chunks[chunk].pieces {
-            let Piece::Use(name) = piece else { continue };
+        let pieces = web.chunks[chunk].pieces.iter();
+        for (_, name, _) in pieces.filter(|p| p.0 == Token::Use) {
             let Some(used) = web.find(name) else { continue };
             if !std::mem::replace(&mut marked[used], true) {
                 waiting.push(used);

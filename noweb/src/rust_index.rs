@@ -201,7 +201,6 @@ fn library(path: &str) -> Option<String> {
 }
 #[derive(Default)]
 struct Index<'n> {
-    defined: HashSet<&'n str>,
     /// Those that are listed. Modules and variants are linked only: they
     /// would fill the lists with what the reader sees anyhow.
     listed: HashSet<&'n str>,
@@ -230,7 +229,6 @@ impl<'n> Index<'n> {
     }
 
     fn add(&mut self, path: &'n str) {
-        self.defined.insert(path);
         self.items.entry(last(path)).or_default().push(path);
     }
 
@@ -371,7 +369,8 @@ impl<'w> Writer<'w> {
             Note::Use(path) => (path, ["link", "use"]),
         };
         let mark = marks[usize::from(self.index.listed.contains(path))];
-        if self.index.defined.contains(path) {
+        let items = self.index.items.get(last(path));
+        if items.is_some_and(|paths| paths.contains(&path)) {
             self.put(&[&bytes_of(&format!("@index {mark} {path}"))]);
         }
     }

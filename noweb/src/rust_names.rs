@@ -245,6 +245,7 @@ impl<'a> Names<'a> {
         let end = end_of(tokens, at);
         let body = inside(tokens, at, end);
         let path = self.declare(place, kind, name);
+        let inner = Place { owner: path.clone(), ..place.clone() };
         match (tokens[at].text, path) {
             // Read what a module holds
             ("mod", Some(path)) => {
@@ -253,21 +254,19 @@ impl<'a> Names<'a> {
                     self.read_module(path, dir);
                     return end;
                 }
-                let (module, owner) = (path.clone(), Some(path));
-                let inner = Place { module, owner, dir, ..place.clone() };
-                self.read_items(&inner, body);
+                self.read_items(
+                    &Place { module: path, dir, ..inner },
+                    body,
+                );
             }
             // Read what a trait or an enumeration holds
-            ("trait", path) => {
+            ("trait", _) => {
                 self.bodies.push((place.clone(), name + 1..body.start));
                 let (parameters, _) = parameters(tokens, name + 1);
-                let inner =
-                    Place { owner: path, parameters, ..place.clone() };
-                self.read_items(&inner, body);
+                self.read_items(&Place { parameters, ..inner }, body);
             }
-            ("enum", Some(path)) => {
+            ("enum", Some(_)) => {
                 self.bodies.push((place.clone(), name + 1..end));
-                let inner = Place { owner: Some(path), ..place.clone() };
                 self.read_variants(&inner, body);
             }
             ("macro_rules", _) => {}

@@ -11,6 +11,8 @@
 use std::collections::{HashMap, HashSet};
 use std::ffi::OsString;
 
+use noweb_core::markup::quoted_length;
+
 use crate::Streams;
 use crate::stream::{self, Mark, Outcome};
 
@@ -480,17 +482,10 @@ fn name_text(mut name: &[u8], outside: &str) -> Vec<u8> {
 
 /// The text before the first quoted code, that code, and the rest.
 fn next_quote(name: &[u8]) -> Option<(&[u8], &[u8], &[u8])> {
-    let open = find(name, b"[[")?;
+    let open = name.windows(2).position(|pair| pair == b"[[")?;
     let code = &name[open + 2..];
-    let mut close = find(code, b"]]")?;
-    while code.get(close + 2) == Some(&b']') {
-        close += 1;
-    }
+    let close = quoted_length(code)?;
     Some((&name[..open], &code[..close], &code[close + 2..]))
-}
-
-fn find(text: &[u8], pair: &[u8; 2]) -> Option<usize> {
-    text.windows(2).position(|window| window == pair)
 }
 
 const KEY: &str =

@@ -435,7 +435,7 @@ pub fn untangle(
     }
     let edited = edited(project, &old)?;
     let splices = carry_all(&old, &edited)?;
-    let sources = apply(&old.web.sources, splices, project.read)?;
+    let sources = apply(&old.web.sources, splices, project.reader())?;
     let new = expand_sources(sources)?;
     prove(&old, &new, &edited)?;
     // Write the chapters and tangle them

@@ -478,9 +478,12 @@ fn marks_of_a_conflict_are_refused_with_their_lines() {
 fn a_build_script_refuses_the_marks_of_a_conflict() {
     let scratch = project();
     let chapters = vec!["chapters/a.nw".into()];
-    let mut project = noweb_core::project::Project::new(chapters);
-    project.dir = scratch.path().to_owned();
-    project.record = ".tangled".into();
+    let project = noweb_core::project::Project {
+        dir: scratch.path().to_owned(),
+        record: ".tangled".into(),
+        chapters,
+        ..noweb_core::project::Project::default()
+    };
     project.tangle().expect("a program");
     let conflict = "<<<<<<< a\nours\n=======\ntheirs\n>>>>>>> b\n";
     for text in

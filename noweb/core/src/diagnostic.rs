@@ -73,6 +73,13 @@ impl Source {
         self.starts.get(index).copied()
     }
 
+    /// The place of the byte at an offset.
+    pub fn place(&self, offset: usize) -> Place {
+        let line = self.starts.partition_point(|start| *start <= offset);
+        let column = (offset - self.starts[line - 1]) as u32 + 1;
+        Place { file: 0, line: line as u32, column }
+    }
+
     /// A line without its newline, counted from 1.
     pub fn line(&self, number: u32) -> Option<&[u8]> {
         let rest = &self.text[self.start(number)?..];

@@ -75,11 +75,10 @@ pub fn listed_identifiers(line: &[u8]) -> Option<Vec<&[u8]>> {
 /// its opening; or else the length of what is only text.
 fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
     let mut at = 0;
-    let close = |code: &[u8]| code.windows(2).position(|w| w == b"]]");
     while at < text.len() {
         match &text[at..] {
-            [b'[', b'[', code @ ..] => match close(code) {
-                Some(end) => at += 2 + end + count(&code[end..], b']'),
+            [b'[', b'[', code @ ..] => match quoted_length(code) {
+                Some(length) => at += length + 4,
                 None => break,
             },
             [b']', b']', ..] if quoting => return Err(at),
@@ -88,6 +87,12 @@ fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
         }
     }
     Err(text.len())
+}
+
+/// The length of quoted code, judged from the text after its opening.
+pub fn quoted_length(code: &[u8]) -> Option<usize> {
+    let end = code.windows(2).position(|pair| pair == b"]]")?;
+    Some(end + count(&code[end..], b']') - 2)
 }
 
 fn count(text: &[u8], byte: u8) -> usize {

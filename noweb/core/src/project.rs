@@ -20,18 +20,18 @@ use std::time::SystemTime;
 use crate::conflict::read;
 use crate::cpif::replace;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, Position, Source, bytes_of, checked,
+    Diagnostic, Faults, Level, Position, Source, bytes_of, checked,
     failure, shown, text_of,
 };
-use crate::markup::{begins_docs, lines, mark_up};
+use crate::markup::{Token, begins_docs, lines, mark_up};
 use crate::tangle::{Tangled, tangle};
-use crate::web::{Chunk, Piece, Web};
+use crate::web::{Chunk, Web};
 
 /// How a file is read, from its name and its text; an error is what must
 /// not be in it, unless the third text has it as well.
 pub type Read = fn(Vec<u8>, Vec<u8>, &[u8]) -> Result<Source, Faults>;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Project {
     /// The directory that all other paths are relative to.
     pub dir: PathBuf,
@@ -41,7 +41,8 @@ pub struct Project {
     pub chapters: Vec<PathBuf>,
     /// What follows the name of a command on this project, in a shell.
     pub words: String,
-    pub read: Read,
+    /// How files are read, if they may have prose in Markdown.
+    pub read: Option<Read>,
 }
 
 /// A master and, in their order, the chapters that it includes.
@@ -132,11 +133,11 @@ pub struct Expansion {
 /// Drops the returns at the ends of lines.
 fn drop_returns(chunk: &mut Chunk) {
     let mut ends = true;
-    for (piece, _) in chunk.pieces.iter_mut().rev() {
-        if ends && let Piece::Text(text) = piece {
+    for (token, text, _) in chunk.pieces.iter_mut().rev() {
+        if ends && *token != Token::Use {
             text.pop_if(|last| *last == b'\r');
         }
-        ends = *piece == Piece::Newline;
+        ends = *token == Token::Newline;
     }
 }
 
@@ -194,15 +195,6 @@ pub fn differs(disk: &[u8], text: &[u8]) -> bool {
     !disk.is_empty() && bare(disk) != bare(text)
 }
 
-fn first_difference(a: &[u8], b: &[u8]) -> (u32, u32) {
-    let pairs = a.iter().zip(b);
-    let same = pairs.take_while(|(x, y)| x == y).count();
-    let before = &a[..same];
-    let line = before.iter().filter(|b| **b == b'\n').count() + 1;
-    let column = before.iter().rev().take_while(|b| **b != b'\n').count();
-    (line as u32, column as u32 + 1)
-}
-
 fn orphan(path: &Path) -> Diagnostic {
     let path = shown(path);
     let text = format!("no chunk defines {path}, an edited file");
@@ -211,17 +203,6 @@ fn orphan(path: &Path) -> Diagnostic {
 }
 
 impl Project {
-    /// A project with these chapters, here and without a record.
-    pub fn new(chapters: Vec<PathBuf>) -> Self {
-        Self {
-            dir: PathBuf::new(),
-            record: PathBuf::new(),
-            chapters,
-            words: String::new(),
-            read,
-        }
-    }
-
     /// The files that the chapters define, without a look at the files.
     pub fn expand(&self) -> Result<Expansion, Faults> {
         let (mut sources, mut faults) = (Vec::new(), Vec::new());
@@ -229,12 +210,16 @@ impl Project {
             let name = chapter.as_os_str().as_bytes().to_vec();
             let text = fs::read(self.dir.join(chapter));
             let text = text.map_err(|e| failure("read", chapter, e));
-            match text.and_then(|text| (self.read)(name, text, b"")) {
+            match text.and_then(|text| self.reader()(name, text, b"")) {
                 Ok(source) => sources.push(source),
                 Err(more) => faults.extend(more),
             }
         }
         checked(sources, faults).and_then(expand_sources)
+    }
+
+    pub fn reader(&self) -> Read {
+        self.read.unwrap_or(read)
     }
 
     pub fn read_record(&self, path: &Path) -> Record {
@@ -259,7 +244,7 @@ impl Project {
             }
             // Refuse to replace an edited file
             let name = path.as_os_str().as_bytes().to_vec();
-            let file = (self.read)(name, disk, &tangled.text);
+            let file = self.reader()(name, disk, &tangled.text);
             let edit =
                 |file| vec![self.refuse(&file, tangled, &program.web)];
             faults.extend(file.map_or_else(|marks| marks, edit));
@@ -291,9 +276,11 @@ impl Project {
     ) -> Diagnostic {
         let disk = with_ends(&file.text, false);
         let now = with_ends(&tangled.text, false);
-        let (line, column) = first_difference(&disk, &now);
-        let place = Place { file: 0, line, column };
-        let position = Source::new(file.name.clone(), disk).position(place);
+        let same =
+            disk.iter().zip(&now).take_while(|(a, b)| a == b).count();
+        let disk = Source::new(file.name.clone(), disk);
+        let position = disk.position(disk.place(same));
+        let line = position.line;
         let text = "this file was edited by hand since it was tangled";
         let mut fault = Diagnostic::new(Level::Error, Some(position), text);
         // Say where the edited line comes from

@@ -13,7 +13,8 @@ use std::mem::replace;
 
 use crate::comment::Reader;
 use crate::diagnostic::{Diagnostic, Faults, Level, Place, checked};
-use crate::web::{Piece, Web, quoted};
+use crate::markup::{Lexeme, Token};
+use crate::web::{Web, quoted};
 
 /// A stretch of tangled text that comes from one place.
 /// It lasts to the next segment, and never beyond the end of its line.
@@ -85,9 +86,10 @@ pub fn tangle(
 
 /// A chunk that is being expanded.
 #[derive(Default)]
-struct Frame {
+struct Frame<'a> {
     chunk: usize,
-    next: usize,
+    /// The pieces that are still to come.
+    rest: &'a [Lexeme],
     /// What its lines are indented by.
     indent: usize,
     /// The width of what is on the line already.
@@ -103,8 +105,8 @@ struct Expander<'a> {
     line: u32,
     line_start: usize,
     /// The chunk that is expanded, and those in which it is used.
-    top: Frame,
-    stack: Vec<Frame>,
+    top: Frame<'a>,
+    stack: Vec<Frame<'a>>,
     active: Vec<bool>,
     /// White space as wide as what the line of the source has before.
     blank: Vec<u8>,
@@ -113,20 +115,17 @@ struct Expander<'a> {
     reported: HashSet<Place>,
 }
 
-impl Expander<'_> {
+impl<'a> Expander<'a> {
     /// Expands one piece; false at the end of the root.
     fn step(&mut self) -> bool {
-        let web = self.web;
-        let pieces = &web.chunks[self.top.chunk].pieces;
-        let rest = &pieces[self.top.next.min(pieces.len())..];
-        self.top.next += 1;
-        match rest {
-            [(Piece::Text(text), place), ..] => self.text(text, *place),
-            [(Piece::Newline, place), ..] => self.newline(*place),
-            [(Piece::Use(name), place), after @ ..] => {
-                self.use_chunk(name, *place, self.is_alone(after));
-            }
-            [] => return self.leave(),
+        let [(piece, text, place), after @ ..] = self.top.rest else {
+            return self.leave();
+        };
+        self.top.rest = after;
+        match piece {
+            Token::Newline => self.newline(*place),
+            Token::Use => self.use_chunk(text, *place),
+            _ => self.text(text, *place),
         }
         true
     }
@@ -134,8 +133,8 @@ impl Expander<'_> {
     fn enter(&mut self, chunk: usize, column: usize, used: Option<Place>) {
         self.active[chunk] = true;
         self.blank.resize(column, b' ');
-        let indent = column;
-        let frame = Frame { chunk, next: 0, indent, column, used };
+        let (indent, rest) = (column, &self.web.chunks[chunk].pieces[..]);
+        let frame = Frame { chunk, rest, indent, column, used };
         self.stack.push(replace(&mut self.top, frame));
     }
 
@@ -188,14 +187,17 @@ impl Expander<'_> {
         self.tangled.map.push(segment);
     }
 
-    /// Whether a use, behind which these pieces stand, has its own line.
-    fn is_alone(&self, after: &[(Piece, Place)]) -> bool {
-        let ends = after.iter().find_map(|(piece, _)| match piece {
-            Piece::Text(text) if text.trim_ascii().is_empty() => None,
-            piece => Some(*piece == Piece::Newline),
-        });
+    /// Whether the use that was read last has its own line.
+    fn is_alone(&self) -> bool {
+        let is_text = |token| matches!(token, Token::Text | Token::More);
+        let mut rest =
+            self.top.rest.iter().skip_while(|(token, text, _)| {
+                is_text(*token) && text.trim_ascii().is_empty()
+            });
         let line = &self.tangled.text[self.line_start..];
-        ends.unwrap_or(true) && line.trim_ascii().is_empty()
+        let ends =
+            rest.next().is_none_or(|(token, ..)| *token == Token::Newline);
+        ends && line.trim_ascii().is_empty()
     }
 
     fn write_name(&mut self, name: &[u8], place: Place) {
@@ -214,7 +216,8 @@ impl Expander<'_> {
         }
     }
 
-    fn use_chunk(&mut self, name: &[u8], place: Place, alone: bool) {
+    fn use_chunk(&mut self, name: &[u8], place: Place) {
+        let alone = self.is_alone();
         self.indent();
         let column = self.top.column;
         self.top.column += name.len() + 4;

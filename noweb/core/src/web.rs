@@ -16,20 +16,13 @@ use crate::diagnostic::{
 };
 use crate::markup::{Lexeme, Token};
 
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Piece {
-    Text(Vec<u8>),
-    Newline,
-    Use(Vec<u8>),
-}
-
 #[derive(Clone, Debug, Default)]
 pub struct Chunk {
     pub name: Vec<u8>,
     /// Where each definition begins; never empty.
     pub definitions: Vec<Place>,
-    /// The pieces of all definitions, with their places.
-    pub pieces: Vec<(Piece, Place)>,
+    /// The pieces of all definitions.
+    pub pieces: Vec<Lexeme>,
 }
 
 /// The chunks of some sources.
@@ -81,7 +74,7 @@ impl Web {
             }
         }
         for chunk in &mut web.chunks {
-            chunk.pieces.pop_if(|(piece, _)| *piece == Piece::Newline);
+            chunk.pieces.pop_if(|(piece, ..)| *piece == Token::Newline);
         }
         web
     }
@@ -103,16 +96,12 @@ impl Web {
         text: Vec<u8>,
         at: Place,
     ) {
-        let piece = match token {
-            Token::Text | Token::More => Piece::Text(text),
-            Token::Newline => Piece::Newline,
-            Token::Use => {
-                self.uses.entry(text.clone()).or_insert(at);
-                Piece::Use(text)
-            }
+        match token {
+            Token::Text | Token::More | Token::Newline => {}
+            Token::Use => drop(self.uses.entry(text.clone()).or_insert(at)),
             _ => return,
-        };
-        self.chunks[chunk].pieces.push((piece, at));
+        }
+        self.chunks[chunk].pieces.push((token, text, at));
     }
 
     pub fn find(&self, name: &[u8]) -> Option<usize> {
