@@ -101,8 +101,14 @@ impl Filter {
         if !file.fresh {
             let path = &text[start..];
             if self.stale.insert(path.to_vec()) {
-                let words = &projects[file.project].words;
-                self.warnings.push(stale_file(path, words));
+                // Warn of the stale file
+                let (path, words) =
+                    (text_of(path), &projects[file.project].words);
+                let text = format!("{path} is not what its chapters give");
+                let help = "tangle, or bring an edit home: noweb untangle";
+                let warning = Diagnostic::new(Level::Warning, None, text);
+                self.warnings
+                    .push(warning.with_help(format!("{help}{words}")));
             }
             return None;
         }
@@ -139,14 +145,6 @@ fn number(text: &[u8], from: usize) -> Option<(u32, usize)> {
     let end = from + digits.count();
     let digits = std::str::from_utf8(&text[from..end]).ok()?;
     Some((digits.parse().ok()?, end))
-}
-
-fn stale_file(path: &[u8], words: &str) -> Diagnostic {
-    let path = text_of(path);
-    let text = format!("{path} is not what its chapters give");
-    let help = "tangle, or bring an edit home: noweb untangle";
-    Diagnostic::new(Level::Warning, None, text)
-        .with_help(format!("{help}{words}"))
 }
 
 /// Translates what a command writes, and gives its status.
@@ -210,11 +208,19 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         let text = "which webs and which command? MASTER... -- COMMAND...";
         return streams.misused(text);
     };
-    let projects: Result<_, _> = masters.iter().map(web_of).collect();
-    let projects = match projects {
-        Ok(projects) => projects,
-        Err(text) => return streams.misused(text),
-    };
+    let mut projects = Vec::new();
+    for master in masters {
+        // Read the chapters of a master
+        match included(Path::new(""), Path::new(master)) {
+            Ok(chapters) => {
+                projects.push(project::of(chapters, word(master)))
+            }
+            Err(e) => {
+                let text = format!("cannot read {}: {e}", shown(master));
+                return streams.misused(text);
+            }
+        }
+    }
     // Start the command and follow it
     let child = match start(name, rest) {
         Ok(child) => child,
@@ -225,11 +231,4 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     };
     let status = follow(child, &mut Filter::new(projects), streams);
     status.unwrap_or_else(|error| streams.conclude(Err(error), &[]))
-}
-
-fn web_of(master: &OsString) -> Result<Project, String> {
-    let chapters = included(Path::new(""), Path::new(master));
-    let cannot = |e| format!("cannot read {}: {e}", shown(master));
-    let chapters = chapters.map_err(cannot)?;
-    Ok(project::of(chapters, word(master)))
 }

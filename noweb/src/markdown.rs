@@ -234,7 +234,7 @@ struct Converter<'a> {
 
 impl<'a> Converter<'a> {
     fn convert(&mut self, mark: Mark<'a>, plan: &Plan<'a>) {
-        let inner = mark.inner();
+        let (inner, text) = (mark.inner(), mark.inner().text());
         match (mark.keyword, inner.keyword) {
             (b"file", _) => {
                 self.pages.push(Vec::new());
@@ -258,8 +258,51 @@ impl<'a> Converter<'a> {
                 self.quote = Some((Vec::new(), b""));
             }
             (b"endquote", _) => self.end_quote(plan),
-            (b"xref", _) => self.refer(inner, plan),
-            (b"index", _) => self.index(inner, plan),
+            // Take up references between chunks
+            (b"xref", b"label") => self.label = text,
+            (b"xref", b"ref") => self.reference = text,
+            (b"xref", b"defitem") => self.continued.push(text),
+            (b"xref", b"useitem") => {
+                self.users.entry(self.chunk).or_default().push(text);
+            }
+            (b"xref", b"chunkbegin") | (b"index", b"entrybegin") => {
+                self.entry.0 = inner.inner().text();
+            }
+            (b"xref", b"chunkdefn") | (b"index", b"entrydefn") => {
+                self.entry.1[0].push(text);
+            }
+            (b"xref", b"chunkend") => self.end_entry(0, plan),
+            (b"index", b"entryend") => self.end_entry(1, plan),
+            // Take up what the index says
+            (b"xref", b"chunkuse")
+            | (b"index", b"isused" | b"isdefined" | b"entryuse") => {
+                self.entry.1[1].push(text);
+            }
+            (b"index", b"name") => {
+                let name = inner.inner();
+                self.shown.insert(name.keyword, name.text());
+            }
+            (b"index", b"use" | b"link") => {
+                let quote = self.quote.as_mut().filter(|q| q.1.is_empty());
+                quote.into_iter().for_each(|q| q.1 = self.reference);
+            }
+            // Take up the identifiers of a chunk
+            (b"index", b"defitem") => {
+                let mut users = take(&mut self.entry.1[1]);
+                users.retain(|label| *label != self.place);
+                let mut words = self.identifier(text);
+                if !users.is_empty() {
+                    let users = plan.links(self.page(), &users);
+                    words += &format!(" (used in {users})");
+                }
+                self.links[1].push(words);
+            }
+            (b"index", b"useitem") => {
+                let labels = take(&mut self.entry.1[1]);
+                let label = labels.first().copied().unwrap_or_default();
+                let words = self.identifier(text);
+                self.links[2].push(plan.link(self.page(), label, &words));
+            }
             _ => {}
         }
     }
@@ -276,57 +319,6 @@ impl<'a> Converter<'a> {
         let inside = quote.or(self.code.as_mut());
         if let Some(out) = inside.or(self.pages.last_mut()) {
             out.extend(text);
-        }
-    }
-
-    fn refer(&mut self, mark: Mark<'a>, plan: &Plan<'a>) {
-        let (label, chunk) = (mark.text(), self.chunk);
-        match mark.keyword {
-            b"label" => self.label = label,
-            b"ref" => self.reference = label,
-            b"defitem" => self.continued.push(label),
-            b"useitem" => self.users.entry(chunk).or_default().push(label),
-            b"chunkbegin" => self.entry.0 = mark.inner().text(),
-            b"chunkdefn" => self.entry.1[0].push(label),
-            b"chunkuse" => self.entry.1[1].push(label),
-            b"chunkend" => self.end_entry(0, plan),
-            _ => {}
-        }
-    }
-
-    fn index(&mut self, mark: Mark<'a>, plan: &Plan<'a>) {
-        let (text, inner) = (mark.text(), mark.inner());
-        match mark.keyword {
-            b"name" => {
-                self.shown.insert(inner.keyword, inner.text());
-            }
-            b"use" | b"link" => {
-                let quote = self.quote.as_mut().filter(|q| q.1.is_empty());
-                quote.into_iter().for_each(|q| q.1 = self.reference);
-            }
-            b"isused" | b"isdefined" | b"entryuse" => {
-                self.entry.1[1].push(text)
-            }
-            b"defitem" => {
-                let mut users = take(&mut self.entry.1[1]);
-                users.retain(|label| *label != self.place);
-                let mut words = self.identifier(text);
-                if !users.is_empty() {
-                    let users = plan.links(self.page(), &users);
-                    words += &format!(" (used in {users})");
-                }
-                self.links[1].push(words);
-            }
-            b"useitem" => {
-                let labels = take(&mut self.entry.1[1]);
-                let label = labels.first().copied().unwrap_or_default();
-                let words = self.identifier(text);
-                self.links[2].push(plan.link(self.page(), label, &words));
-            }
-            b"entrybegin" => self.entry.0 = inner.text(),
-            b"entrydefn" => self.entry.1[0].push(text),
-            b"entryend" => self.end_entry(1, plan),
-            _ => {}
         }
     }
 

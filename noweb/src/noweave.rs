@@ -54,8 +54,43 @@ impl Request {
         let mut request = Self::default();
         let mut args = args.iter().cloned();
         while let Some(arg) = args.next() {
-            match arg.as_encoded_bytes() {
-                [b'-', _, ..] => request.take(arg, &mut args)?,
+            let option = shown(&arg);
+            let what = || format!("{option} needs an argument");
+            let mut next = || args.next().ok_or_else(what);
+            match &option[..] {
+                // Take an option about the filters
+                "-backend" => request.backend = Some(next()?),
+                "-filter" => request.filters.push(next()?),
+                "-x" => {
+                    request.references = true;
+                    request.filters.push("noidx".into());
+                }
+                "-index" => {
+                    request.index = true;
+                    request
+                        .filters
+                        .extend(INDEX_FILTERS.map(OsString::from));
+                }
+                "-autodefs" => match &shown(next()?)[..] {
+                    "rust" => request.autodefs = true,
+                    other => {
+                        let what = "we know rust alone";
+                        return Err(format!("-autodefs {other}: {what}"));
+                    }
+                },
+                // Take an option about the document
+                "-n" => request.bare = true,
+                "-latex" => {}
+                "-md" => request.markdown = true,
+                "-delay" => (request.delay, request.bare) = (true, true),
+                "-option" => request.options.push(next()?),
+                "-texnames" => request.tex_names = true,
+                "-v" => request.verbose = true,
+                tab if tab.starts_with("-t") => request.tabs.push(arg),
+                "-" => request.files.push(arg),
+                bad if bad.starts_with('-') => {
+                    Err(format!("Unrecognized option '{bad}'"))?
+                }
                 _ => request.files.push(arg),
             }
         }
@@ -68,48 +103,6 @@ impl Request {
             return Err("-autodefs serves an index (add -index)".into());
         }
         Ok(request)
-    }
-
-    fn take(
-        &mut self,
-        arg: OsString,
-        rest: &mut impl Iterator<Item = OsString>,
-    ) -> Result<(), String> {
-        let option = shown(&arg);
-        let mut next = || {
-            let what = || format!("{option} needs an argument");
-            rest.next().ok_or_else(what)
-        };
-        match &option[..] {
-            "-backend" => self.backend = Some(next()?),
-            "-filter" => self.filters.push(next()?),
-            "-x" => {
-                self.references = true;
-                self.filters.push("noidx".into());
-            }
-            "-index" => {
-                self.index = true;
-                self.filters.extend(INDEX_FILTERS.map(OsString::from));
-            }
-            "-autodefs" => match &shown(next()?)[..] {
-                "rust" => self.autodefs = true,
-                other => {
-                    let what = "we know rust alone";
-                    return Err(format!("-autodefs {other}: {what}"));
-                }
-            },
-            // Take an option about the document
-            "-n" => self.bare = true,
-            "-latex" => {}
-            "-md" => self.markdown = true,
-            "-delay" => (self.delay, self.bare) = (true, true),
-            "-option" => self.options.push(next()?),
-            "-texnames" => self.tex_names = true,
-            "-v" => self.verbose = true,
-            tab if tab.starts_with("-t") => self.tabs.push(arg),
-            _ => Err(format!("Unrecognized option '{option}'"))?,
-        }
-        Ok(())
     }
 }
 impl Request {
@@ -125,11 +118,7 @@ impl Request {
             stages.push(Stage { command: name, args: Vec::new() });
         }
         let command = self.backend.clone().unwrap_or("totex".into());
-        stages.push(Stage { command, args: self.backend_options() });
-        stages
-    }
-
-    fn backend_options(&self) -> Vec<OsString> {
+        // Choose the options of the back end
         let is_xref = |o: &&OsString| *o == "shortxref" || *o == "longxref";
         let xref = self.options.iter().rfind(is_xref);
         let options = [
@@ -138,7 +127,10 @@ impl Request {
             xref.map(|option| format!("-{}", shown(option))),
             self.tex_names.then(|| "-texnames".to_string()),
         ];
-        options.into_iter().flatten().map(OsString::from).collect()
+        let args =
+            options.into_iter().flatten().map(OsString::from).collect();
+        stages.push(Stage { command, args });
+        stages
     }
 }
 impl Request {

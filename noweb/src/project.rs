@@ -171,18 +171,16 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Err(text) => return streams.misused(text),
     };
     let plan = if check { project.plan() } else { project.tangle() };
-    let faults = match plan {
-        Ok(plan) if check => report_stale(plan),
-        Ok(plan) => unused(&plan.program.web),
+    let plan = match plan {
+        Ok(plan) => plan,
         Err(faults) => return streams.fail(&faults),
     };
-    u8::from(streams.conclude(Ok(()), &faults) > Level::Warning as u8)
-}
-
-fn report_stale(plan: Plan) -> Faults {
+    let mut faults = unused(&plan.program.web);
     let stale = plan.stale.iter().chain(&plan.removed);
-    let fault = |path| error(format!("{} is out of date", shown(path)));
-    [unused(&plan.program.web), stale.flat_map(fault).collect()].concat()
+    for path in stale.filter(|_| check) {
+        faults.extend(error(format!("{} is out of date", shown(path))));
+    }
+    u8::from(streams.conclude(Ok(()), &faults) > Level::Warning as u8)
 }
 
 /// The project that the arguments name, and whether only to check.

@@ -13,8 +13,6 @@ use std::ffi::{OsStr, OsString};
 use std::ops::Range;
 use std::os::unix::ffi::OsStrExt;
 
-use proc_macro2::LexError;
-
 use crate::Streams;
 use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Source, bytes_of, shown, text_of,
@@ -117,7 +115,6 @@ struct Notes<'s, 'n> {
     notes: BTreeMap<(usize, usize), (usize, Note<'n>)>,
     /// The lines of the stream that are known to be Rust.
     rust: HashSet<usize>,
-    faults: Faults,
 }
 
 impl<'n> Notes<'_, 'n> {
@@ -140,17 +137,6 @@ impl<'n> Notes<'_, 'n> {
                 }
             }
         }
-    }
-
-    fn complain(&mut self, path: &str, text: &Text, error: &LexError) {
-        let at = error.span().byte_range().start;
-        let places = text.places(&(at..at + 1));
-        let line = places.first().map_or(0, |(line, _)| *line);
-        let position = position_after(&self.lines[..line]);
-        let what = format!("{path} is no Rust: {error}");
-        let help = "its identifiers are those of the %def lines alone";
-        let fault = Diagnostic::new(Level::Warning, position, what);
-        self.faults.push(fault.with_help(help));
     }
 }
 fn sources(web: &Web, lines: &[&[u8]]) -> Vec<(String, Text)> {
@@ -380,6 +366,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
     let lines: Vec<&[u8]> = stream::lines(stream).collect();
     let mut notes = Notes { lines: &lines, ..Notes::default() };
     let (mut texts, mut files) = (Vec::new(), Vec::new());
+    let mut faults = Faults::new();
     let sources = sources(&web(&lines), &lines);
     // Cut the sources into tokens
     for (path, text) in &sources {
@@ -388,7 +375,18 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
                 files.push(File { path: path.clone(), tokens });
                 texts.push(text);
             }
-            Err(error) => notes.complain(path, text, &error),
+            Err(error) => {
+                // Complain of what is no Rust
+                let at = error.span().byte_range().start;
+                let places = text.places(&(at..at + 1));
+                let line = places.first().map_or(0, |(line, _)| *line);
+                let position = position_after(&lines[..line]);
+                let what = format!("{path} is no Rust: {error}");
+                let help =
+                    "its identifiers are those of the %def lines alone";
+                let fault = Diagnostic::new(Level::Warning, position, what);
+                faults.push(fault.with_help(help));
+            }
         }
     }
     let names = Names::new(&files, library);
@@ -413,7 +411,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
         writer.write_line(number, line);
     }
     writer.put(&[b"@index mini"]);
-    (writer.out, notes.faults)
+    (writer.out, faults)
 }
 
 /// The stage `rustindex`, a filter over the stream.

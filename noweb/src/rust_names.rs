@@ -151,22 +151,22 @@ impl<'a> Names<'a> {
         numbers.sort_by_key(|number| !is_root(&files[*number].path));
         for number in numbers {
             if !names.modules.contains_key(&number) {
-                names.read_crate(number, library(&files[number].path));
+                // Read the crate of this root
+                let path = &files[number].path;
+                let library = library(path);
+                let module = Meaning::Item(Kind::Module);
+                names
+                    .meanings
+                    .extend(library.clone().map(|name| (name, module)));
+                let stem = path.trim_end_matches(".rs").to_string();
+                let (dir, _) = path.rsplit_once('/').unwrap_or_default();
+                names.read_file(number, library.unwrap_or(stem), dir);
             }
         }
         for (place, at) in std::mem::take(&mut names.implementations) {
             names.implement(place, at);
         }
         names
-    }
-
-    fn read_crate(&mut self, number: usize, library: Option<String>) {
-        let path = &self.files[number].path;
-        let module = Meaning::Item(Kind::Module);
-        self.meanings.extend(library.clone().map(|name| (name, module)));
-        let stem = path.trim_end_matches(".rs").to_string();
-        let (dir, _) = path.rsplit_once('/').unwrap_or_default();
-        self.read_file(number, library.unwrap_or(stem), dir);
     }
 
     fn read_file(&mut self, file: usize, module: String, dir: &str) {

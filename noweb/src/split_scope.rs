@@ -42,24 +42,6 @@ fn stem(source: &[u8]) -> &[u8] {
     base.strip_suffix(b".nw").unwrap_or(base)
 }
 
-fn check_names(pieces: &[Part]) -> Result<(), String> {
-    let mut sources: HashMap<&[u8], &[u8]> = HashMap::new();
-    for (source, _) in pieces {
-        let stem = stem(source);
-        if stem.is_empty() {
-            return Err("a piece has no file name to be called by".into());
-        }
-        if let Some(other) = sources.insert(stem, source) {
-            // Refuse two sources with one name
-            let [other, source, stem] = [other, source, stem].map(text_of);
-            let text =
-                format!("{other} and {source} would both be written to");
-            return Err(format!("{text} {stem}.tex"));
-        }
-    }
-    Ok(())
-}
-
 /// Whether a line of prose begins by asking for one of the lists.
 fn asks_for_lists(line: &[u8]) -> bool {
     let Some(text) = line.strip_prefix(b"@text ") else { return false };
@@ -113,11 +95,30 @@ pub fn split(
     let mut lines: Vec<_> = stream::trimmed_lines(stream).collect();
     settle_lists(&mut lines);
     let pieces = cut(&lines);
-    check_names(&pieces)?;
+    // Check the names of the pieces
+    let mut sources: HashMap<&[u8], &[u8]> = HashMap::new();
+    for (source, _) in &pieces {
+        let stem = stem(source);
+        if stem.is_empty() {
+            return Err("a piece has no file name to be called by".into());
+        }
+        if let Some(other) = sources.insert(stem, source) {
+            // Refuse two sources with one name
+            let [other, source, stem] = [other, source, stem].map(text_of);
+            let text =
+                format!("{other} and {source} would both be written to");
+            return Err(format!("{text} {stem}.tex"));
+        }
+    }
     let (mut memory, mut messages) = (Memory::default(), Vec::new());
     let pages = pieces.iter().map(|(source, lines)| {
         // Convert one piece with its memory
-        let options = with_source(options, source);
+        let mut options = options.clone();
+        if !options.comment.is_empty() {
+            let open = b" % Made by noweave from ";
+            options.comment =
+                [open, *source, b": edit that file."].concat();
+        }
         let lines = lines.iter().copied();
         let converted = totex::to_tex(lines, &options, &mut memory);
         messages.extend(converted.messages);
@@ -125,15 +126,6 @@ pub fn split(
         (name, converted.text)
     });
     Ok((pages.collect(), messages))
-}
-
-fn with_source(options: &Options, source: &[u8]) -> Options {
-    let mut options = options.clone();
-    if !options.comment.is_empty() {
-        let open = b" % Made by noweave from ";
-        options.comment = [open, source, b": edit that file."].concat();
-    }
-    options
 }
 
 pub fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
@@ -163,18 +155,18 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         return Outcome::complaint("split_scope", 2, what).deliver(streams);
     };
     let options = Options::read(args);
-    stream::filter(streams, |input| split_into(&dir, input, &options))
-}
-
-fn split_into(dir: &Path, stream: &[u8], options: &Options) -> Outcome {
-    if stream::broken(stream).is_some() {
-        return Outcome { status: 1, ..Outcome::default() };
-    }
-    let written = split(stream, options).and_then(|(pages, messages)| {
-        write_pages(&pages, dir).map(|()| messages)
-    });
-    match written {
-        Ok(messages) => Outcome { messages, ..Outcome::default() },
-        Err(what) => Outcome::complaint("split_scope", 1, &what),
-    }
+    stream::filter(streams, |input| {
+        if stream::broken(input).is_some() {
+            return Outcome { status: 1, ..Outcome::default() };
+        }
+        // Write the pieces
+        let written =
+            split(input, &options).and_then(|(pages, messages)| {
+                write_pages(&pages, &dir).map(|()| messages)
+            });
+        match written {
+            Ok(messages) => Outcome { messages, ..Outcome::default() },
+            Err(what) => Outcome::complaint("split_scope", 1, &what),
+        }
+    })
 }

@@ -120,7 +120,12 @@ pub fn mark_up(
         lexer.mark_line(ended);
         lexer.start += line.len();
     }
-    lexer.finish(ended);
+    // Finish the last chunk
+    lexer.close_quote();
+    if !ended {
+        lexer.emit(Token::Newline, b"", lexer.line.len());
+    }
+    lexer.bound([Token::EndDocs, Token::EndCode]);
     (lexer.lexemes, lexer.faults)
 }
 
@@ -209,14 +214,6 @@ impl<'a> Lexer<'a> {
         self.emit(tokens[usize::from(self.code)], number.as_bytes(), 0);
     }
 
-    fn finish(&mut self, ended: bool) {
-        self.close_quote();
-        if !ended {
-            self.emit(Token::Newline, b"", self.line.len());
-        }
-        self.bound([Token::EndDocs, Token::EndCode]);
-    }
-
     fn close_quote(&mut self) {
         if let Some(place) = self.quote.take() {
             let text = "open quote `[[' never closed";
@@ -255,28 +252,24 @@ impl<'a> Lexer<'a> {
                 self.pass(Token::Quote, b"", 2);
             }
             [b'<', b'<', ..] => {
-                self.complain_of_brackets();
+                // Help with the brackets in prose
+                let line = self.line;
+                let start = line.iter().take_while(|b| is_space(b)).count();
+                let indented = start == self.at
+                    && defined_name(&line[start..]).is_some();
+                let help = if indented {
+                    "a definition begins in the first column"
+                } else {
+                    "write @<< for the brackets themselves, or quote code in [[ ]]"
+                };
+                let text = "unescaped << in documentation chunk";
+                let fault = Diagnostic::new(Level::Error, None, text)
+                    .with_help(help);
+                self.faults.push((self.place_at(self.at), fault));
                 self.at += 2;
             }
             _ => self.at += 1,
         }
-    }
-
-    fn complain_of_brackets(&mut self) {
-        // Help with the brackets in prose
-        let line = self.line;
-        let start = line.iter().take_while(|b| is_space(b)).count();
-        let indented =
-            start == self.at && defined_name(&line[start..]).is_some();
-        let help = if indented {
-            "a definition begins in the first column"
-        } else {
-            "write @<< for the brackets themselves, or quote code in [[ ]]"
-        };
-        let text = "unescaped << in documentation chunk";
-        let fault =
-            Diagnostic::new(Level::Error, None, text).with_help(help);
-        self.faults.push((self.place_at(self.at), fault));
     }
 
     fn scan_code(&mut self) {
@@ -291,21 +284,13 @@ impl<'a> Lexer<'a> {
                 self.quote = None;
             }
             [b'<', b'<', rest @ ..] => {
-                let end = use_end(rest, quoting);
-                self.scan_use(end);
+                self.end_text(false);
+                match use_end(rest, quoting) {
+                    Ok(end) => self.pass(Token::Use, &rest[..end], end + 4),
+                    Err(length) => self.at += length + 2,
+                }
             }
             _ => self.at += 1,
-        }
-    }
-
-    fn scan_use(&mut self, end: Result<usize, usize>) {
-        self.end_text(false);
-        match end {
-            Ok(length) => {
-                let name = &self.line[self.at + 2..][..length];
-                self.pass(Token::Use, name, length + 4);
-            }
-            Err(length) => self.at += length + 2,
         }
     }
 

@@ -25,7 +25,7 @@ use crate::diagnostic::{
 };
 use crate::markup::{Token, begins_docs, lines, mark_up};
 use crate::tangle::{Tangled, tangle};
-use crate::web::{Chunk, Web};
+use crate::web::Web;
 
 /// How a file is read, from its name and its text; an error is what must
 /// not be in it, unless the third text has it as well.
@@ -109,19 +109,12 @@ pub fn hash(text: &[u8]) -> u64 {
     })
 }
 
-fn parse_record(text: &[u8]) -> Record {
-    let entry = |line: &[u8]| {
-        let (hash, path) = line.split_at_checked(16)?;
-        let path = OsStr::from_bytes(path.strip_prefix(b" ")?);
-        let hash = u64::from_str_radix(&text_of(hash), 16).ok()?;
-        Some((PathBuf::from(path), hash))
-    };
-    lines(&with_ends(text, false)).filter_map(entry).collect()
-}
-
-fn format_record(record: &Record) -> Vec<u8> {
-    let entry = |(path, hash): &_| format!("{hash:016x} {}\n", shown(path));
-    bytes_of(&record.iter().map(entry).collect::<String>())
+/// A line of the record.
+fn entry(line: &[u8]) -> Option<(PathBuf, u64)> {
+    let (hash, path) = line.split_at_checked(16)?;
+    let path = OsStr::from_bytes(path.strip_prefix(b" ")?);
+    let hash = u64::from_str_radix(&text_of(hash), 16).ok()?;
+    Some((path.into(), hash))
 }
 
 #[derive(Clone, Debug)]
@@ -130,21 +123,19 @@ pub struct Expansion {
     pub files: Vec<(PathBuf, Tangled)>,
 }
 
-/// Drops the returns at the ends of lines.
-fn drop_returns(chunk: &mut Chunk) {
-    let mut ends = true;
-    for (token, text, _) in chunk.pieces.iter_mut().rev() {
-        if ends && *token != Token::Use {
-            text.pop_if(|last| *last == b'\r');
-        }
-        ends = *token == Token::Newline;
-    }
-}
-
 /// The files that some sources define, without looking at the disk.
 pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
     let (mut web, mut faults) = Web::read(sources, mark_up);
-    web.chunks.iter_mut().for_each(drop_returns);
+    for chunk in &mut web.chunks {
+        // Drop the returns at the ends of lines
+        let mut ends = true;
+        for (token, text, _) in chunk.pieces.iter_mut().rev() {
+            if ends && *token != Token::Use {
+                text.pop_if(|last| *last == b'\r');
+            }
+            ends = *token == Token::Newline;
+        }
+    }
     let mut files = Vec::new();
     for (root, chunk) in web.chunks.iter().enumerate() {
         // Expand the file of this chunk
@@ -223,8 +214,8 @@ impl Project {
     }
 
     pub fn read_record(&self, path: &Path) -> Record {
-        let text = fs::read(self.dir.join(path));
-        parse_record(&text.unwrap_or_default())
+        let text = fs::read(self.dir.join(path)).unwrap_or_default();
+        lines(&with_ends(&text, false)).filter_map(entry).collect()
     }
 
     /// What there is to write, without writing it.
@@ -301,15 +292,25 @@ impl Project {
     pub fn tangle(&self) -> Result<Plan, Faults> {
         let mut plan = self.plan()?;
         let result = self.write(&mut plan);
-        let text = format_record(&plan.record);
-        let recorded = replace(&self.dir.join(&self.record), &text, None)
+        let line =
+            |(path, hash): &_| format!("{hash:016x} {}\n", shown(path));
+        let text: String = plan.record.iter().map(line).collect();
+        let file = self.dir.join(&self.record);
+        let recorded = replace(&file, &bytes_of(&text), None)
             .map_err(|e| failure("write", &self.record, e));
         result.and(recorded).map(|()| plan)
     }
 
     fn write(&self, plan: &mut Plan) -> Result<(), Faults> {
         for (path, tangled) in &plan.program.files {
-            self.write_one(path, tangled)?;
+            // Write one file
+            let file = self.dir.join(path);
+            let parent = file.parent().unwrap_or(&self.dir);
+            fs::create_dir_all(parent)
+                .and_then(|()| {
+                    replace(&file, &tangled.text, self.newest(tangled))
+                })
+                .map_err(|e| failure("write", path, e))?;
             plan.record.retain(|(other, _)| other != path);
             plan.record.insert((path.clone(), hash(&tangled.text)));
         }
@@ -323,14 +324,6 @@ impl Project {
             };
         }
         Ok(())
-    }
-
-    fn write_one(&self, path: &Path, to: &Tangled) -> Result<(), Faults> {
-        let file = self.dir.join(path);
-        let parent = file.parent().unwrap_or(&self.dir);
-        fs::create_dir_all(parent)
-            .and_then(|()| replace(&file, &to.text, self.newest(to)))
-            .map_err(|e| failure("write", path, e))
     }
 
     /// The time of the newest chapter that a text takes something from.

@@ -119,11 +119,23 @@ impl<'a> Expander<'a> {
     /// Expands one piece; false at the end of the root.
     fn step(&mut self) -> bool {
         let [(piece, text, place), after @ ..] = self.top.rest else {
-            return self.leave();
+            // Leave the chunk
+            self.active[self.top.chunk] = false;
+            self.blank.truncate(self.top.indent);
+            self.top = self.stack.pop().unwrap_or_default();
+            return !self.stack.is_empty();
         };
         self.top.rest = after;
         match piece {
-            Token::Newline => self.newline(*place),
+            Token::Newline => {
+                // End a line
+                let last = self.tangled.map.last();
+                if last.is_none_or(|s| s.line != self.line) {
+                    self.mark(*place);
+                }
+                self.break_line();
+                self.top.column = 0;
+            }
             Token::Use => self.use_chunk(text, *place),
             _ => self.text(text, *place),
         }
@@ -136,13 +148,6 @@ impl<'a> Expander<'a> {
         let (indent, rest) = (column, &self.web.chunks[chunk].pieces[..]);
         let frame = Frame { chunk, rest, indent, column, used };
         self.stack.push(replace(&mut self.top, frame));
-    }
-
-    fn leave(&mut self) -> bool {
-        self.active[self.top.chunk] = false;
-        self.blank.truncate(self.top.indent);
-        self.top = self.stack.pop().unwrap_or_default();
-        !self.stack.is_empty()
     }
 
     fn text(&mut self, text: &[u8], place: Place) {
@@ -163,15 +168,6 @@ impl<'a> Expander<'a> {
             self.top.column = self.top.indent;
             self.tangled.text.extend(&self.blank[..self.top.indent]);
         }
-    }
-
-    fn newline(&mut self, place: Place) {
-        let last = self.tangled.map.last();
-        if last.is_none_or(|s| s.line != self.line) {
-            self.mark(place);
-        }
-        self.break_line();
-        self.top.column = 0;
     }
 
     fn break_line(&mut self) {

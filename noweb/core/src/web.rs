@@ -69,7 +69,16 @@ impl Web {
                 }
                 (Token::EndCode, _) => chunk = None,
                 (Token::Newline, Some(_)) if heading => heading = false,
-                (_, Some(chunk)) => web.add(chunk, token, text, place),
+                // Add a piece to the chunk
+                (
+                    Token::Text | Token::More | Token::Newline | Token::Use,
+                    Some(chunk),
+                ) => {
+                    if token == Token::Use {
+                        web.uses.entry(text.clone()).or_insert(place);
+                    }
+                    web.chunks[chunk].pieces.push((token, text, place));
+                }
                 _ => (),
             }
         }
@@ -87,21 +96,6 @@ impl Web {
         }
         self.chunks[index].definitions.push(place);
         index
-    }
-
-    fn add(
-        &mut self,
-        chunk: usize,
-        token: Token,
-        text: Vec<u8>,
-        at: Place,
-    ) {
-        match token {
-            Token::Text | Token::More | Token::Newline => {}
-            Token::Use => drop(self.uses.entry(text.clone()).or_insert(at)),
-            _ => return,
-        }
-        self.chunks[chunk].pieces.push((token, text, at));
     }
 
     pub fn find(&self, name: &[u8]) -> Option<usize> {
