@@ -27,8 +27,7 @@ use crate::diagnostic::{
     text_of,
 };
 use crate::project::{
-    Expansion, Project, Read, differs, expand_sources, hash, parse,
-    with_ends,
+    Expansion, Project, differs, expand_sources, hash, parse, with_ends,
 };
 use crate::reading::conflicts;
 use crate::tangle::{Segment, Tangled, tangle};
@@ -357,65 +356,6 @@ fn carry_all(
     checked(splices, faults)
 }
 
-/// The chapters with all splices made.
-fn apply(
-    sources: &[Source],
-    mut splices: Vec<Splice>,
-    read: Read,
-) -> Result<Vec<Source>, Faults> {
-    splices.sort_by_key(|s| (s.file, s.range.start, s.range.end));
-    splices.dedup();
-    let mut texts: Vec<Vec<u8>> =
-        sources.iter().map(|s| s.text.clone()).collect();
-    let mut done = (u32::MAX, 0);
-    for Splice { file, range, text } in splices.into_iter().rev() {
-        if file != done.0 || range.end <= done.1 {
-            done = (file, range.start);
-            texts[file as usize].splice(range, text);
-        }
-    }
-    let named = sources.iter().zip(texts);
-    named.map(|(s, text)| read(s.name.clone(), text, b"")).collect()
-}
-
-/// Checks that every file is as edited, or as it was.
-fn prove(
-    old: &Expansion,
-    new: &Expansion,
-    edited: &Edited,
-) -> Result<(), Faults> {
-    let mut faults = Vec::new();
-    for (path, before) in &old.files {
-        let edit = edited.get(path);
-        let wanted = edit.unwrap_or(&before.text);
-        let after = new.files.iter().find(|(p, _)| p == path);
-        let after = after.map_or(&b""[..], |(_, after)| &after.text);
-        let differ = hunks(&lines_of(wanted), &lines_of(after));
-        if let Some((line, _)) = differ.first() {
-            // Say which line the chapters do not give
-            let text = match edit {
-                Some(_) => "no change of one chunk gives this line",
-                None => "an edit elsewhere would change this line, too",
-            };
-            let help = "undo the edit, and make it in the chapter";
-            faults.push(edit_fault(path, line.start, text).with_help(help));
-        }
-    }
-    checked((), faults)
-}
-
-fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
-    let mut changes = Vec::new();
-    for (old, new) in old.iter().zip(new) {
-        let name = text_of(&old.name);
-        for (a, b) in hunks(&lines_of(&old.text), &lines_of(&new.text)) {
-            let (line, gone, come) = (b.start + 1, a.len(), b.len());
-            changes.push(format!("{name}:{line}: -{gone} +{come} lines"));
-        }
-    }
-    changes
-}
-
 /// Carries all edits of files back to the chapters; tells what changed.
 ///
 /// With `check` nothing is written.
@@ -434,40 +374,80 @@ pub fn untangle(
         return Err(error(format!("{text} {first}")));
     }
     let edited = edited(project, &old)?;
-    let splices = carry_all(&old, &edited)?;
-    let sources = apply(&old.web.sources, splices, project.reader())?;
+    let mut splices = carry_all(&old, &edited)?;
+    // Put the splices into the chapters
+    splices.sort_by_key(|s| (s.file, s.range.start, s.range.end));
+    splices.dedup();
+    let sources = old.web.sources.iter();
+    let mut texts: Vec<_> =
+        sources.clone().map(|s| s.text.clone()).collect();
+    let mut done = (u32::MAX, 0);
+    for Splice { file, range, text } in splices.into_iter().rev() {
+        if file != done.0 || range.end <= done.1 {
+            done = (file, range.start);
+            texts[file as usize].splice(range, text);
+        }
+    }
+    let read = |(source, text): (&Source, Vec<u8>)| {
+        project.reader()(source.name.clone(), text, b"")
+    };
+    let sources = sources.zip(texts).map(read).collect::<Result<_, _>>()?;
     let new = expand_sources(sources)?;
-    prove(&old, &new, &edited)?;
+    // Prove that the chapters give the files
+    let mut faults = Vec::new();
+    for (path, before) in &old.files {
+        let edit = edited.get(path);
+        let wanted = edit.unwrap_or(&before.text);
+        let after = new.files.iter().find(|(p, _)| p == path);
+        let after = after.map_or(&b""[..], |(_, after)| &after.text);
+        let differ = hunks(&lines_of(wanted), &lines_of(after));
+        if let Some((line, _)) = differ.first() {
+            // Say which line the chapters do not give
+            let text = match edit {
+                Some(_) => "no change of one chunk gives this line",
+                None => "an edit elsewhere would change this line, too",
+            };
+            let help = "undo the edit, and make it in the chapter";
+            faults.push(edit_fault(path, line.start, text).with_help(help));
+        }
+    }
+    checked((), faults)?;
     // Write the chapters and tangle them
     let [before, after] = [&old, &new].map(|e| &e.web.sources);
     if !check && !edited.is_empty() {
-        write_chapters(project, before, after)?;
+        // Write the chapters that have changed
+        let texts =
+            before.iter().zip(after).map(|(a, b)| (&a.text, &b.text));
+        let mut changed: Vec<_> =
+            project.chapters.iter().zip(texts).collect();
+        changed.retain(|(_, (old, new))| old != new);
+        // Refuse to write read-only chapters
+        for (name, _) in &changed {
+            let state = fs::metadata(project.dir.join(name));
+            if state.is_ok_and(|state| state.permissions().readonly()) {
+                let error = io::ErrorKind::PermissionDenied.into();
+                return Err(failure("write", name, error));
+            }
+        }
+        for (name, (_, text)) in changed {
+            replace(&project.dir.join(name), text, None)
+                .map_err(|e| failure("write", name, e))?;
+        }
         project.tangle()?;
     }
     Ok(changes(before, after))
 }
 
-fn write_chapters(
-    project: &Project,
-    old: &[Source],
-    new: &[Source],
-) -> Result<(), Faults> {
-    let texts = old.iter().zip(new).map(|(a, b)| (&a.text, &b.text));
-    let mut changed: Vec<_> = project.chapters.iter().zip(texts).collect();
-    changed.retain(|(_, (old, new))| old != new);
-    // Refuse to write read-only chapters
-    for (name, _) in &changed {
-        let state = fs::metadata(project.dir.join(name));
-        if state.is_ok_and(|state| state.permissions().readonly()) {
-            let error = io::ErrorKind::PermissionDenied.into();
-            return Err(failure("write", name, error));
+fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
+    let mut changes = Vec::new();
+    for (old, new) in old.iter().zip(new) {
+        let name = text_of(&old.name);
+        for (a, b) in hunks(&lines_of(&old.text), &lines_of(&new.text)) {
+            let (line, gone, come) = (b.start + 1, a.len(), b.len());
+            changes.push(format!("{name}:{line}: -{gone} +{come} lines"));
         }
     }
-    for (name, (_, text)) in changed {
-        replace(&project.dir.join(name), text, None)
-            .map_err(|e| failure("write", name, e))?;
-    }
-    Ok(())
+    changes
 }
 
 /// The command `noweb untangle [-C dir] [--record file] [--check]
