@@ -109,6 +109,7 @@ fn mark_up_markdown(source: &Source, file: u32) -> Marked {
     (out, prose.open)
 }
 
+/// What the line of a token begins with.
 const WORDS: [(Token, &[u8]); 13] = [
     (Token::File, b"@file "),
     (Token::BeginDocs, b"@begin docs "),
