@@ -24,7 +24,7 @@ use glam::DVec3;
 use crate::analysis::{LitView, SHORTCUTS, SceneAnalysis};
 use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, direction, typed};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::film::{SIDE, tile_height};
 use crate::host::{Event, Host};
 use crate::image::levels::level;
@@ -33,7 +33,7 @@ use crate::integrator::gather::cache::Grid;
 use crate::key::{Asked, Framing, Sensed, Subject};
 use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
 use crate::plan::{
-    Budget, CameraPlan, Plan, SensorPlan, Stand, input_name,
+    Budget, CameraPlan, Plan, SensorPlan, Stand, input_name, require,
 };
 use crate::render::choose::{Setup, Vantage, expected_rays};
 use crate::report::SceneFile;
@@ -403,11 +403,8 @@ fn check_receivers(
         *of = count as u32;
     }
     let rows = subject.sensed.window().tile_rows(tile_height(true));
-    if plan.part.is_some_and(|part| part.band.1 > rows) {
-        let fault = format!(
-            "--tiles: not more bands than there are tiles of {name}: {rows}"
-        );
-        return Err(Error::value("tiles", rows, fault));
-    }
-    Ok(())
+    let (k, n) = plan.part.map_or((1, 1), |part| part.band);
+    let reason =
+        format!("not more bands than there are tiles of {name}: {rows}");
+    require(n <= rows, "band", format!("{k}/{n}"), &reason)
 }

@@ -221,7 +221,7 @@ fn main() -> ExitCode {
     // A file beyond the limit of size is an error, not the end.
     let _ = flag::register(SIGXFSZ, Arc::default());
     let arguments: Arguments = match parse_words(env::args_os()) {
-        Ok((arguments, _)) => arguments,
+        Ok(arguments) => arguments,
         Err(error) => return fail(error),
     };
     // Report a fault by message and status

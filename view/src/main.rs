@@ -123,7 +123,7 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<(), Error> {
-    let (mut options, _) = parse_words::<ViewOptions>(env::args_os())?;
+    let mut options: ViewOptions = parse_words(env::args_os())?;
     let interrupt = watchdog::listen()?;
     let settings = begin(&mut options.words);
     // Make a viewer of the scene
