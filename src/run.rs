@@ -38,7 +38,7 @@ use crate::inputs::in_first_rank;
 use crate::integrator::gather::Learnt;
 use crate::key::RunKey;
 use crate::memory::zeroed;
-use crate::plan::{Budget, Plan, Product};
+use crate::plan::{Budget, Plan, Product, require};
 use crate::render::Renderer;
 use crate::render::choose::samples_if_known;
 use crate::render::choose::{Choice, Method, Request, Sampling};
@@ -225,39 +225,44 @@ impl<'a> Run<'a> {
     /// in the file, from 0, in words; a gather learns first.
     ///
     /// # Errors
-    /// There is no such pixel or receiver, or it has no value.
+    /// There is no such pixel or receiver, or it has no value; or the run has
+    /// no such sample of it.
     pub fn trace_sample(
         &mut self,
         (x, y): (u32, u32),
         n: u64,
     ) -> Result<String> {
         let World { bvh, frame, .. } = self.world;
-        let window = self.key.windows()[0];
         let row = match self.world.table() {
             Some((_, all)) => all.numbers.iter().position(|&it| it == y),
             None => Some(y as usize),
         };
-        let (left, top) = window.corner;
-        let (right, bottom) = window.end();
-        let row = row.map(|row| row as u32);
-        let row = row.filter(|row| (top..bottom).contains(row));
-        // A net is numbered from its first sample on.
-        let is_number = n < u64::MAX / 2;
-        let column = (left..right).contains(&x).then_some(x);
-        let column = column.filter(|_| is_number);
-        let Some(pixel) = column.zip(row) else {
-            let fault =
-                format!("--sample {x},{y}: nothing is rendered there");
-            return Err(Error::value("sample", format!("{x},{y}"), fault));
-        };
-        if self.key.sampling.method == Method::Gather {
+        let row = row.map_or(u32::MAX, |row| row as u32);
+        let [window, _] = self.key.windows();
+        let ((left, top), (right, bottom)) = (window.corner, window.end());
+        let is_there =
+            (left..right).contains(&x) && (top..bottom).contains(&row);
+        let sample = format!("{x},{y},{n}");
+        require(is_there, "sample", &sample, "nothing is rendered there")?;
+        // Trace a sample that the run has
+        let RunKey { sampling, part, .. } = self.key;
+        if sampling.method == Method::Gather {
             self.renderer.learn(&self.key.film(), &|_| true);
         }
         let setup = self.world.setup();
         let trace =
-            setup.trace_sample(&self.key.sampling, &self.learnt, pixel, n);
-        let text = trace.map(|trace| trace.text(bvh, frame));
-        Ok(text.unwrap_or("nothing was learnt\n".to_owned()))
+            setup.trace_sample(&sampling, &self.learnt, (x, row), n);
+        let Some(trace) = trace else {
+            return Ok("nothing was learnt\n".to_owned());
+        };
+        let all = (0, self.plan.budget.samples.unwrap_or(u64::MAX));
+        let (from, end) = part.map_or(all, |part| part.samples);
+        let nets =
+            from / sampling.net_size..end.div_ceil(sampling.net_size);
+        let net = trace.scramble.map(|scramble| scramble.number);
+        let has = nets.contains(&net.unwrap_or(n / sampling.net_size));
+        require(has, "sample", &sample, "the run has no such sample")?;
+        Ok(trace.text(bvh, frame))
     }
 
     /// The report of the run, which has not begun.

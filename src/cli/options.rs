@@ -34,9 +34,7 @@ pub struct Options {
     #[command(flatten)]
     pub scene: SceneOptions,
     #[command(flatten)]
-    pub camera: CameraOptions,
-    #[command(flatten)]
-    pub receivers: ReceiverOptions,
+    pub sensor: SensorOptions,
     #[command(flatten)]
     pub limits: LimitOptions,
     #[command(flatten)]
@@ -53,7 +51,8 @@ pub struct Options {
 #[command(next_help_heading = "Scene and light")]
 pub struct SceneOptions {
     /// Wavefront OBJ, also .gz or .zst [default: standard input, or -]
-    #[arg(value_name = "FILE", overrides_with = "input")]
+    #[arg(value_name = "FILE", overrides_with = "input",
+          help_heading = None)]
     pub scene: Option<PathBuf>,
 
     /// The scene, as FILE alone
@@ -92,11 +91,11 @@ pub struct SceneOptions {
     pub ground: Option<f64>,
 }
 
-// Where the camera stands, and its image.
+// What senses the light: a camera with its image, or receivers.
 #[derive(Args, Clone, Debug)]
 #[group(skip)]
-#[command(next_help_heading = "Camera and image")]
-pub struct CameraOptions {
+#[command(next_help_heading = "Camera and image, or receivers instead")]
+pub struct SensorOptions {
     /// Position of the camera [default: outside of the scene, or
     /// 0,0,0 with -t]
     #[arg(short, long, value_name = "X,Y,Z", value_parser = parse_vector,
@@ -145,13 +144,7 @@ pub struct CameraOptions {
     #[arg(long, value_name = "RADIANCE", conflicts_with = "receivers",
           value_parser = only(parse_share, |&x| x >= 0., NOT_NEGATIVE))]
     pub background: Option<f64>,
-}
 
-// Which receivers there are instead of an image.
-#[derive(Args, Clone, Debug)]
-#[group(skip)]
-#[command(next_help_heading = "Receivers instead of an image")]
-pub struct ReceiverOptions {
     /// Compute the irradiance at the points of a file, lines x y z nx ny nz, in
     /// units of that of a horizontal surface in the open
     #[arg(long, value_name = "FILE", group = "receivers")]
@@ -330,8 +323,9 @@ pub struct ExecutionOptions {
     #[arg(long, alias = "explain")]
     pub dry_run: bool,
 
-    /// Trace only sample N of the pixel in column X and row Y, or of receiver
-    /// Y with X = 0, and print its path
+    /// Trace only sample N, from 0 to one less than --spp, of the pixel in column
+    /// X and row Y, or of receiver Y with X = 0, and print its path; no file is
+    /// written
     #[arg(long, value_name = "X,Y,N", value_parser = parse_sample,
           conflicts_with = "dry_run")]
     pub sample: Option<(u32, u32, u64)>,

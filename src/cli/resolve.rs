@@ -84,7 +84,7 @@ impl Options {
     /// Takes what decides samples, and returns the first option that has
     /// changed something.
     fn decide_samples(&self, plan: &mut Plan) -> Option<&'static str> {
-        let Self { scene, camera, limits, parts, .. } = self;
+        let Self { scene, sensor, limits, parts, .. } = self;
         let (mut change, surfaces) = (Change(None), &mut plan.surfaces);
         if !scene.albedos.is_empty() {
             let all = scene.albedos.iter().cloned();
@@ -102,8 +102,8 @@ impl Options {
         change.set("sky", &mut sky.cover, scene.sky);
         change.set("ground", &mut sky.ground, scene.ground.map(Some));
         let mut up = plan.up.unwrap_or(DVec3::Z);
-        change.set("up", &mut up, camera.up);
-        plan.up = camera.up.or(plan.up);
+        change.set("up", &mut up, sensor.up);
+        plan.up = sensor.up.or(plan.up);
         let mut zenith = sky.zenith.unwrap_or(Sky::new(up).zenith);
         change.set("zenith", &mut zenith, scene.zenith);
         sky.zenith = scene.zenith.or(sky.zenith);
@@ -115,36 +115,35 @@ impl Options {
 
     /// Takes what senses the light.
     fn sense(&self, plan: &mut Plan, change: &mut Change) {
-        let Self { camera, receivers, .. } = self;
-        let radiosity = receivers.radiosity;
+        let typed = &self.sensor;
+        let radiosity = typed.radiosity;
         let faces = |side| SensorPlan::Faces { side, radiosity };
-        let vertices = receivers.vertices.then_some(SensorPlan::Vertices);
-        let points = receivers.points.clone().map(SensorPlan::Points);
-        let sensor = &mut plan.sensor;
-        change.set("faces", sensor, receivers.faces.map(faces));
-        change.set("vertices", sensor, vertices);
-        match (sensor, points) {
+        let vertices = typed.vertices.then_some(SensorPlan::Vertices);
+        let points = typed.points.clone().map(SensorPlan::Points);
+        change.set("faces", &mut plan.sensor, typed.faces.map(faces));
+        change.set("vertices", &mut plan.sensor, vertices);
+        match (&mut plan.sensor, points) {
             (SensorPlan::Points(old), Some(SensorPlan::Points(new))) => {
                 *old = new;
             }
             (sensor, points) => change.set("points", sensor, points),
         }
-        let SensorPlan::Camera(plan) = &mut plan.sensor else { return };
+        let SensorPlan::Camera(camera) = &mut plan.sensor else { return };
         // Take the camera
-        let View { mut position, mut target, .. } = plan.view(DVec3::Z);
-        change.set("position", &mut position, camera.position);
-        change.set("target", &mut target, camera.target);
-        let moved = camera.position.map_or("target", |_| "position");
-        let placed = camera.position.or(camera.target);
+        let View { mut position, mut target, .. } = camera.view(DVec3::Z);
+        change.set("position", &mut position, typed.position);
+        change.set("target", &mut target, typed.target);
+        let moved = typed.position.map_or("target", |_| "position");
+        let placed = typed.position.or(typed.target);
         let at = placed.map(|_| Stand::At(position, target));
-        change.set(moved, &mut plan.stand, at);
-        let outside = camera.viewpoint.map(Stand::Outside);
-        change.set("view", &mut plan.stand, outside);
-        change.set("fov", &mut plan.fov, camera.fov);
-        change.set("resolution", &mut plan.resolution, camera.resolution);
-        change.set("crop", &mut plan.crop, camera.crop.map(Some));
-        let background = camera.background.map(Some);
-        change.set("background", &mut plan.background, background);
+        change.set(moved, &mut camera.stand, at);
+        let outside = typed.viewpoint.map(Stand::Outside);
+        change.set("view", &mut camera.stand, outside);
+        change.set("fov", &mut camera.fov, typed.fov);
+        change.set("resolution", &mut camera.resolution, typed.resolution);
+        change.set("crop", &mut camera.crop, typed.crop.map(Some));
+        let background = typed.background.map(Some);
+        change.set("background", &mut camera.background, background);
     }
 
     /// Takes what decides no sample.

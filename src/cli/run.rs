@@ -103,7 +103,10 @@ fn run(
     // Check what needs no scene, and prepare the scene
     check(&plan)?;
     start_threads(&plan)?;
-    let targets = files::open(&plan)?;
+    let targets = match execution.sample {
+        Some(_) => vec![],
+        None => files::open(&plan)?,
+    };
     let reference = files::reference(&plan)?;
     let cache = plan.cache.as_deref();
     let cache = cache.map(Checkpoint::of_file).transpose()?;

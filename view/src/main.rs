@@ -132,9 +132,12 @@ fn run() -> Result<(), Error> {
     let wanted = Mutex::new(Wanted { settings, ..Wanted::default() });
     let mut viewer = Viewer { options, token, wanted, ..Viewer::default() };
     let words = viewer.words(&lock(&viewer.wanted).settings);
-    let first = Options::parse(words)?.plan(None, false)?;
+    let typed = Options::parse(words)?;
+    let first = typed.plan(None, false)?;
     let is_whole = first.camera().is_some_and(|it| it.crop.is_none());
-    if !is_whole || is_dash(&first.scene) {
+    let prints =
+        typed.execution.dry_run || typed.execution.sample.is_some();
+    if !is_whole || prints || is_dash(&first.scene) {
         let fault = "ptview shows whole images of a file, and no receivers";
         return Err(fault.to_owned().into());
     }
