@@ -199,11 +199,8 @@ fn render(
     // Prepare the files of the run
     let (run_key, saved) = (key.clone(), plan.saved(&directory));
     let known = Known { run_key, plan: saved, report, learnt };
-    let view = world.view();
-    let scene = plan.camera().map(|_| (&world.bvh, &view));
     let mut output =
-        RunOutput::new(files.targets, &plan.outputs, known, scene);
-    output.table = world.table();
+        RunOutput::new(files.targets, &plan.outputs, known, Some(world));
     // Collect the limits
     let began = Instant::now();
     let left = limits.deadline.map(|end| {
@@ -249,7 +246,10 @@ fn render(
         progress::error(&message);
         return Ok(stop);
     }
-    finish(output, &film, &convergence, (host, files.shown))?;
+    if !key.only_learns() {
+        warn_of_receivers(world, &film, host);
+    }
+    finish(output, &film, &convergence, files.shown)?;
     Ok(stop)
 }
 
@@ -292,14 +292,10 @@ fn finish(
     mut output: RunOutput,
     film: &Film,
     convergence: &Convergence,
-    (host, shown): (Host, Option<&Path>),
+    shown: Option<&Path>,
 ) -> Result<()> {
-    let only_learns = output.known.run_key.only_learns();
-    if !only_learns {
-        warn_of_receivers(&output, film, host);
-    }
     output.write(convergence, film, None)?;
-    if only_learns {
+    if output.known.run_key.only_learns() {
         let Convergence { rays, seconds, .. } = convergence;
         progress::inform(&format!("learnt    {rays} rays, {seconds:.3} s"));
         return Ok(());
@@ -319,8 +315,8 @@ fn finish(
 
 /// Warns of receivers that get no light, and of those that seem to be inside
 /// a body.
-fn warn_of_receivers(output: &RunOutput, film: &Film, host: Host) {
-    let Some((table, all)) = output.table else { return };
+fn warn_of_receivers(world: &World, film: &Film, host: Host) {
+    let Some((table, all)) = world.table() else { return };
     let first = film.window.corner.1 as usize;
     let means = all.numbers[first..].iter().zip(film.means());
     let dark = means.filter(|(_, mean)| *mean == 0.);
