@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use crate::film::{ErrorNorm, Film, Summary};
 use crate::host::Interrupt;
 use crate::render::choose::{MIN_PATHS, samples_to_error};
-use crate::render::{Renderer, Share};
+use crate::render::{RankStats, Renderer};
 use serde::{Deserialize, Serialize};
 
 /// When a run stops, and what it is compared with.
@@ -36,7 +36,7 @@ pub struct Limits<'a> {
     /// The error to reach.
     pub error: Option<f64>,
     /// Which error that is.
-    pub measure: ErrorNorm,
+    pub norm: ErrorNorm,
     /// Stops the run when a signal arrives.
     pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
@@ -117,8 +117,8 @@ pub struct CurvePoint {
 
 impl CurvePoint {
     /// The error of a measure that is held against a target, if it is known.
-    pub fn judged(&self, measure: ErrorNorm) -> Option<f64> {
-        if measure.is_rms() { self.rmse } else { self.target_error }
+    pub fn judged(&self, norm: ErrorNorm) -> Option<f64> {
+        if norm.is_rms() { self.rmse } else { self.target_error }
     }
 }
 
@@ -145,10 +145,10 @@ pub struct Convergence {
     pub processor_seconds: Option<f64>,
     /// What each rank has done since the run was begun or resumed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub ranks: Vec<Share>,
+    pub ranks: Vec<RankStats>,
     /// Which error is held against a target.
     #[serde(skip)]
-    measure: ErrorNorm,
+    norm: ErrorNorm,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
@@ -181,7 +181,7 @@ impl Convergence {
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
         (self.stopped, self.ranks) = (None, vec![]);
-        self.measure = limits.measure;
+        self.norm = limits.norm;
         let (start, before) = (limits.now(), self.seconds);
         let spent = self.processor_seconds.unwrap_or(0.);
         // Watch for signals and for the end of the time
@@ -263,7 +263,7 @@ impl Convergence {
     /// The samples after which the run is expected to stop, if its time
     /// is not over before; none if that cannot be foreseen.
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
-        let error = self.last().judged(limits.measure).and(limits.error);
+        let error = self.last().judged(limits.norm).and(limits.error);
         let error = error.map(|error| self.needed(error, area));
         let all = [limits.samples, error].into_iter().flatten();
         all.min().map(|spp| spp.max(self.spp))
@@ -271,7 +271,7 @@ impl Convergence {
 
     /// The samples after which the error is expected to be reached.
     fn needed(&self, error: f64, area: u64) -> u64 {
-        let last = self.last().judged(self.measure);
+        let last = self.last().judged(self.norm);
         let spp = last.map_or(self.spp, |_| self.last().spp);
         samples_to_error(error, (spp, last), area)
     }
@@ -315,7 +315,7 @@ impl Convergence {
         let enough = |rmse| rmse * rmse + unseen <= error * error;
         let step = self.last();
         let is_recent = step.spp == self.spp && paths >= MIN_PATHS;
-        is_recent && step.judged(self.measure).is_some_and(enough)
+        is_recent && step.judged(self.norm).is_some_and(enough)
     }
 
     /// Records a point, if there has been a pass since the last one.
@@ -328,8 +328,8 @@ impl Convergence {
         let Summary { mean, mean_stderr, rmse, constant } = film.summary();
         self.constant_pixels = constant;
         let finite = |x: f64| x.is_finite().then_some(x);
-        let &Limits { measure, reference, .. } = limits;
-        let judged = (!measure.is_rms()).then(|| film.error(measure));
+        let &Limits { norm, reference, .. } = limits;
+        let judged = (!norm.is_rms()).then(|| film.error(norm));
         let truth = reference.filter(|_| spp > 0);
         self.curve.push(CurvePoint {
             spp,

@@ -101,7 +101,7 @@ impl<'a> Run<'a> {
         host: Host<'a>,
     ) -> Result<Self> {
         host.enter("choosing a method", None);
-        let before = history.state.as_ref().map(|s| &s.known.run_key);
+        let before = history.state.as_ref().map(|s| &s.record.run_key);
         let mut choice = None;
         let key = in_first_rank(host, || {
             let sampling = before.map(|key| key.sampling);
@@ -211,12 +211,12 @@ impl<'a> Run<'a> {
     /// The limits that the plan sets.
     pub fn limits(&self) -> Limits<'a> {
         let known = samples_if_known(&self.world.analysis);
-        let (error, measure) = self.plan.budget.error.unzip();
+        let (error, norm) = self.plan.budget.error.unzip();
         Limits {
             samples: self.goal().or(known),
             deadline: self.plan.budget.deadline(self.host.start),
             error,
-            measure: measure.unwrap_or_default(),
+            norm: norm.unwrap_or_default(),
             ..Limits::default()
         }
     }
@@ -269,7 +269,7 @@ impl<'a> Run<'a> {
     pub fn report(&self) -> Report {
         let Self { plan, world, key, .. } = self;
         let samples = key.part.map(|part| part.count());
-        let (error, measure) = plan.budget.error.unzip();
+        let (error, norm) = plan.budget.error.unzip();
         let reference = plan.reference.as_ref();
         let settings = Settings {
             subject: Some(key.subject.clone()),
@@ -293,7 +293,7 @@ impl<'a> Run<'a> {
             load_seconds: world.seconds[0],
             build_seconds: world.seconds[1],
             light: world.light.clone(),
-            measure: measure.unwrap_or_default(),
+            norm: norm.unwrap_or_default(),
             ..Report::default()
         };
         report.sign("pt");
@@ -438,9 +438,10 @@ fn learnt_before(
     host: Host,
 ) -> Result<Arc<OnceLock<Learnt>>> {
     let own = history.state.as_ref();
-    let mut found = own.map(|s| s.known.learnt.clone()).unwrap_or_default();
+    let mut found =
+        own.map(|s| s.record.learnt.clone()).unwrap_or_default();
     if let (Some(path), Some(cache)) = (&plan.cache, &history.cache) {
-        let mut known = cache.known.clone();
+        let mut known = cache.record.clone();
         known.run_key.part = key.part;
         let belongs = known.belongs_to(key);
         belongs.map_err(|fault| fault.of_file(path))?;
@@ -451,7 +452,7 @@ fn learnt_before(
         }
     }
     // Tell the other processes
-    let (rank, size) = host.ranks.place();
+    let (rank, size) = host.ranks.rank_and_size();
     if size == 1 {
         return Ok(found);
     }

@@ -24,7 +24,7 @@ use crate::output::OutputTarget;
 use crate::plan::{Outputs, Product};
 use crate::render_loop::Convergence;
 use crate::report::{Kind, Report, as_typed};
-use crate::state::checkpoint::{Known, save};
+use crate::state::checkpoint::{RunRecord, save};
 use crate::world::World;
 
 /// A file of a run.
@@ -43,7 +43,7 @@ pub struct RunOutput<'a> {
     /// Time between two checkpoints.
     every: Duration,
     /// What is known of the run, which goes into the files.
-    pub known: Known,
+    pub record: RunRecord,
     /// By how much PNG files are brighter, if that is said.
     exposure: Option<Exposure>,
     /// What is shown; none if it is a sum of parts.
@@ -73,7 +73,7 @@ impl<'a> RunOutput<'a> {
     pub fn new(
         files: Vec<(Product, OutputTarget)>,
         outputs: &Outputs,
-        known: Known,
+        record: RunRecord,
         world: Option<&'a World>,
     ) -> Self {
         let now = Instant::now();
@@ -92,7 +92,7 @@ impl<'a> RunOutput<'a> {
         };
         let files = files.into_iter().map(file).collect();
         let hits = OnceCell::new();
-        Self { files, every, known, exposure, world, hits }
+        Self { files, every, record, exposure, world, hits }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -107,9 +107,9 @@ impl<'a> RunOutput<'a> {
         now: Option<Instant>,
     ) -> Result<()> {
         let &mut Self { world, exposure, .. } = self;
-        let Self { files, every, known, hits, .. } = self;
+        let Self { files, every, record, hits, .. } = self;
         let camera = world.filter(|world| world.table().is_none());
-        known.report.convergence.clone_from(convergence);
+        record.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
             now.is_none_or(|now| file.is_due(now, convergence))
         };
@@ -118,30 +118,30 @@ impl<'a> RunOutput<'a> {
         // Filter the image if a file shows it
         let began = Instant::now();
         let shows = due.iter().any(|product| product.is_picture());
-        let is_shown = known.run_key.filtered && shows;
+        let is_shown = record.run_key.filtered && shows;
         let trace = |world: &World| {
             FirstHits::trace(&world.bvh, &world.view(), film.window)
         };
         let hits = || camera.map(|world| hits.get_or_init(|| trace(world)));
         let guide = is_shown.then(hits).flatten();
         let filtered = guide.and_then(|hits| Filtered::of(film, hits));
-        known.report.picture = filtered.as_ref().map(|f| f.error);
+        record.report.picture = filtered.as_ref().map(|f| f.error);
         let filtering = began.elapsed();
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
         let [stops, auto] =
-            expose(&mut known.report, exposure, (film, camera), &due);
+            expose(&mut record.report, exposure, (film, camera), &due);
         // Cut the scene out of its background
         let has = |format| due.contains(&Product::Image(format));
-        let background = known.run_key.subject.sky.background;
+        let background = record.run_key.subject.sky.background;
         let cut =
             background.filter(|_| has(Format::Png) || has(Format::Exr));
         let cut =
             cut.filter(|_| film.unsampled() == 0).and_then(|_| hits());
         let opacity = cut.and_then(|hits| hits.opacity.as_deref());
-        let known = &*known;
+        let record = &*record;
         let shown =
-            Shown { known, film, world, filtered, opacity, stops, auto };
-        let report = LazyCell::new(|| known.report.complete(film));
+            Shown { record, film, world, filtered, opacity, stops, auto };
+        let report = LazyCell::new(|| record.report.complete(film));
         let mut failures = vec![];
         for file in files.iter_mut().filter(|file| is_due(file)) {
             // Write or rewrite one file
@@ -194,9 +194,9 @@ impl<'a> RunOutput<'a> {
         let is_saved = self.files.iter().any(is_state);
         let none = if is_saved { state } else { 0. } + 0.15 * files;
         let threads = rayon::current_num_threads() as f64;
-        let is_filtered = self.known.run_key.filtered;
+        let is_filtered = self.record.run_key.filtered;
         let filter = if is_filtered { 5000. / threads } else { 0. };
-        let is_cut = self.known.run_key.subject.sky.background.is_some();
+        let is_cut = self.record.run_key.subject.sky.background.is_some();
         let cut = if is_cut { 5000. / threads } else { 0. };
         let all = summary + files + filter + cut;
         [none, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
@@ -239,7 +239,7 @@ fn expose(
 
 /// What the files of one moment show.
 struct Shown<'f> {
-    known: &'f Known,
+    record: &'f RunRecord,
     film: &'f Film,
     world: Option<&'f World>,
     filtered: Option<&'f Image>,
@@ -257,7 +257,7 @@ impl Shown<'_> {
         report: &Report,
         out: &mut dyn Write,
     ) -> io::Result<()> {
-        let &Self { known, film, filtered, opacity, stops, .. } = self;
+        let &Self { record, film, filtered, opacity, stops, .. } = self;
         let shown = || match filtered {
             Some(image) => image.clone(),
             None => self.picture().image(),
@@ -274,7 +274,7 @@ impl Shown<'_> {
                 let more =
                     opacity.map(|opacity| (OPACITY, opacity.to_vec()));
                 let shown = Image { more: Vec::from_iter(more), ..shown() };
-                let background = known.run_key.subject.sky.background;
+                let background = record.run_key.subject.sky.background;
                 let cut = cut_out(shown, background.unwrap_or(0.));
                 let grey = tonemap(&cut, stops.unwrap_or(0.), Curve::Clamp);
                 Format::Png.write(&grey, out)
@@ -289,21 +289,21 @@ impl Shown<'_> {
                 else {
                     return Ok(());
                 };
-                let counts = known.allocation();
+                let counts = record.allocation();
                 table.write(format, receivers, film, counts, out)
             }
-            Product::State => save(known, film, out),
+            Product::State => save(record, film, out),
         }
     }
 
     /// The image on the film, with all that is known about it.
     fn picture(&self) -> Picture<'_> {
         let &Self { film, filtered, opacity, .. } = self;
-        let Known { run_key, report, .. } = self.known;
-        let allocation = self.known.allocation();
+        let RunRecord { run_key, report, .. } = self.record;
+        let allocation = self.record.allocation();
         let Convergence { spp, rays, seconds, stopped, .. } =
             report.convergence;
-        let known = json!({
+        let progress = json!({
             "scene": report.scene.file,
             "spp": spp,
             "rays": rays,
@@ -315,7 +315,7 @@ impl Shown<'_> {
         let mut all = entries(&report.settings);
         all.retain(|_, value| !value.is_null());
         all.extend(entries(run_key));
-        all.extend(entries(&known));
+        all.extend(entries(&progress));
         let auto = self.auto.map(|stops| json!(stops));
         all.extend(auto.map(|stops| (AUTO_EXPOSURE.to_owned(), stops)));
         let errors = filtered.and_then(|image| image.errors.as_deref());

@@ -30,7 +30,7 @@ use crate::host::{Event, Host};
 use crate::image::levels::level;
 use crate::inputs::Inputs;
 use crate::integrator::gather::cache::Grid;
-use crate::key::{Asked, Framing, Sensed, Subject};
+use crate::key::{Framing, ReceiverSource, Sensed, Subject};
 use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
 use crate::plan::{
     Budget, CameraPlan, Plan, SensorPlan, Stand, input_name, require,
@@ -125,7 +125,7 @@ impl World {
         let Scene { frame, triangles, left_out } = scene;
         // Build the hierarchy
         let rays = rays(plan, &subject, &sensor);
-        let rays = rays / host.ranks.place().1 as f64;
+        let rays = rays / host.ranks.rank_and_size().1 as f64;
         let quality = Quality::expecting(triangles.len(), rays);
         warn_of_size(&triangles, host);
         let total = Some(triangles.len() as u64);
@@ -239,7 +239,7 @@ fn asked(
     plan: &Plan,
     inputs: &Inputs,
     albedos: &FaceAlbedos,
-) -> Option<(Asked, Table)> {
+) -> Option<(ReceiverSource, Table)> {
     let (mut mesh, mut albedo_of) = (inputs.mesh.clone(), None);
     let (mut file, mut backs) = (plan.scene_name(), Side::Front.backs());
     let (asked, shape) = match &plan.sensor {
@@ -247,14 +247,17 @@ fn asked(
         SensorPlan::Points(path) => {
             (file, mesh) = (input_name(path), Mesh::default());
             let hash = inputs.points_sha256.clone();
-            (Asked::Points(hash), Shape::Points(inputs.points.clone()))
+            (
+                ReceiverSource::Points(hash),
+                Shape::Points(inputs.points.clone()),
+            )
         }
         &SensorPlan::Faces { side, radiosity } => {
             backs = side.backs();
             albedo_of = radiosity.then(|| albedos.clone());
-            (Asked::Faces(side), Shape::Faces(mesh.faces()))
+            (ReceiverSource::Faces(side), Shape::Faces(mesh.faces()))
         }
-        SensorPlan::Vertices => (Asked::Vertices, Shape::Vertices),
+        SensorPlan::Vertices => (ReceiverSource::Vertices, Shape::Vertices),
     };
     let grey = |value| level(value, 255) as u8;
     let table =
@@ -267,7 +270,7 @@ fn subject(
     plan: &Plan,
     mesh: &Mesh,
     named: Named,
-    receivers: Option<Asked>,
+    receivers: Option<ReceiverSource>,
 ) -> Subject {
     let mut up = plan.up.unwrap_or(DVec3::Z);
     let zenith = match plan.sky.zenith {
@@ -286,7 +289,7 @@ fn subject(
             Sensed::Camera(Framing { resolution, crop, view })
         }
         (_, receivers) => {
-            let receivers = receivers.unwrap_or(Asked::Vertices);
+            let receivers = receivers.unwrap_or(ReceiverSource::Vertices);
             Sensed::Receivers { receivers, count: 0 }
         }
     };

@@ -372,7 +372,7 @@ fn merge(
     };
     let merged = shards::merge(files)?;
     // Refuse an image of receivers
-    let is_list = merged.known.run_key.subject.sensed.is_list();
+    let is_list = merged.record.run_key.subject.sensed.is_list();
     if is_list && has(|product| *product != Product::State) {
         return Err(
             "receivers have no image: merge to a state, -o a.litpt, \
@@ -393,7 +393,7 @@ fn merge(
         progress::warn(&missing);
     }
     // Warn of a picture that lacks the scene
-    let run_key = &merged.known.run_key;
+    let run_key = &merged.record.run_key;
     let lack = match run_key.filtered {
         true => Some("is not filtered"),
         false => run_key.subject.sky.background.map(|_| "has no opacity"),
@@ -405,9 +405,9 @@ fn merge(
              -o a.litpt, and use pt --resume a.litpt"
         ));
     }
-    let convergence = merged.known.report.convergence.clone();
+    let convergence = merged.record.report.convergence.clone();
     let outputs = Outputs::default();
-    let mut output = RunOutput::new(targets, &outputs, merged.known, None);
+    let mut output = RunOutput::new(targets, &outputs, merged.record, None);
     output.write(&convergence, &merged.film, None)
 }
 

@@ -207,7 +207,7 @@ pub struct LimitOptions {
     /// radiance; auto picks the fastest from a short pilot
     #[arg(long, value_name = "METHOD", default_value = "auto",
           hide_possible_values = true, value_parser = parse_method)]
-    pub integrator: AskedMethod,
+    pub integrator: RequestedMethod,
 
     /// Seed of the random numbers [default: 0]
     #[arg(short, long, value_name = "SEED", value_parser = parse_whole)]

@@ -32,7 +32,7 @@ use crate::render_loop::{Convergence, Limits, Stop};
 use crate::run::{History, Run};
 use crate::run_output::RunOutput;
 use crate::sensor::INSIDE;
-use crate::state::checkpoint::{Checkpoint, Known};
+use crate::state::checkpoint::{Checkpoint, RunRecord};
 use crate::world::World;
 
 /// Runs `pt` with the words of the process, which leads `ranks`; returns its
@@ -89,7 +89,7 @@ fn run(
     // Resolve what was typed
     let resume = options.parts.resume.as_deref();
     let state = resume.map(Checkpoint::of_file).transpose()?;
-    let saved = state.as_ref().map(|s| s.known.plan.clone().restored());
+    let saved = state.as_ref().map(|s| s.record.plan.clone().restored());
     let is_terminal = io::stdout().is_terminal();
     let plan = options.plan(saved.as_ref(), is_terminal)?;
     let execution = &options.execution;
@@ -198,9 +198,9 @@ fn render(
     let renderer = &mut *ranks.lead(renderer, &key);
     // Prepare the files of the run
     let (run_key, saved) = (key.clone(), plan.saved(&directory));
-    let known = Known { run_key, plan: saved, report, learnt };
+    let record = RunRecord { run_key, plan: saved, report, learnt };
     let mut output =
-        RunOutput::new(files.targets, &plan.outputs, known, Some(world));
+        RunOutput::new(files.targets, &plan.outputs, record, Some(world));
     // Collect the limits
     let began = Instant::now();
     let left = limits.deadline.map(|end| {
@@ -295,14 +295,14 @@ fn finish(
     shown: Option<&Path>,
 ) -> Result<()> {
     output.write(convergence, film, None)?;
-    if output.known.run_key.only_learns() {
+    if output.record.run_key.only_learns() {
         let Convergence { rays, seconds, .. } = convergence;
         progress::inform(&format!("learnt    {rays} rays, {seconds:.3} s"));
         return Ok(());
     }
     // Print the summary
     if !progress::is_quiet() {
-        let report = output.known.report.complete(film);
+        let report = output.record.report.complete(film);
         let file = shown.map(|path| ("file", path.display().to_string()));
         for (name, text) in
             report.summary(film.area()).into_iter().chain(file)

@@ -44,10 +44,10 @@ pub fn parse_direction(text: &str) -> Result<DVec3, String> {
 
 /// The method that is asked for; none if a pilot is to choose one. The parser
 /// takes a bare `Option` for an option that may be left out.
-pub type AskedMethod = Option<Method>;
+pub type RequestedMethod = Option<Method>;
 
 /// Parses the name of a method, or `auto`.
-pub fn parse_method(name: &str) -> Result<AskedMethod, String> {
+pub fn parse_method(name: &str) -> Result<RequestedMethod, String> {
     let mut all = Method::ALL.into_iter();
     match all.find(|method| method.to_string() == name) {
         None if name != "auto" => {

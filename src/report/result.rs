@@ -130,8 +130,9 @@ pub struct Report {
     #[serde(skip)]
     pub is_dark: bool,
     /// Which error is held against the target.
+    #[serde(rename = "measure")]
     #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
-    pub measure: ErrorNorm,
+    pub norm: ErrorNorm,
     /// How wrong the filtered picture is, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<PictureError>,
@@ -141,7 +142,7 @@ impl Report {
     /// The report of the run as it stands, with its film.
     pub fn complete(&self, film: &Film) -> Self {
         let mut now = self.clone();
-        let limits = Limits { measure: self.measure, ..Limits::default() };
+        let limits = Limits { norm: self.norm, ..Limits::default() };
         now.convergence.record(film, &limits);
         now.unsampled_pixels = film.unsampled();
         now.negative_pixels = film.darker(0.);
@@ -280,7 +281,7 @@ impl Report {
     /// Why the run stopped, and whether its targets were met.
     pub fn verdict(&self) -> String {
         let Convergence { spp: there, stopped, .. } = self.convergence;
-        let rmse = self.convergence.last().judged(self.measure);
+        let rmse = self.convergence.last().judged(self.norm);
         let mut text = match stopped {
             None => return "still running".to_owned(),
             Some(Stop::Signal(_)) => "stopped by a signal".to_owned(),
@@ -295,7 +296,7 @@ impl Report {
         if let Some(target) = self.settings.error {
             let small = rmse.is_some_and(|rmse| rmse <= target);
             let met = small || stopped == Some(Stop::Error);
-            let ErrorNorm { relative, largest } = self.measure;
+            let ErrorNorm { relative, largest } = self.norm;
             let largest = if largest { "largest " } else { "" };
             let relative = if relative { "relative " } else { "" };
             let (error, not) =

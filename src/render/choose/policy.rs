@@ -46,9 +46,7 @@ impl Setup<'_> {
             let samples = samples.into_iter().chain(enough).min();
             let mut sampling = Sampling::new(method, seed, samples, pixels);
             match (method, error) {
-                (Method::Gather, Some((_, measure))) => {
-                    sampling.measure = measure
-                }
+                (Method::Gather, Some((_, norm))) => sampling.norm = norm,
                 (Method::Sobol, _) => sampling.control = percent,
                 _ => (),
             }
@@ -204,18 +202,15 @@ impl Budget {
     /// Samples until the root mean square over pixels or receivers of the
     /// standard error is this part of each one's mean.
     pub fn relative_error(error: f64) -> Self {
-        let measure = ErrorNorm { relative: true, largest: false };
-        Self { samples: None, time: None, error: Some((error, measure)) }
+        let norm = ErrorNorm { relative: true, largest: false };
+        Self { samples: None, time: None, error: Some((error, norm)) }
     }
 
     /// Samples until the standard error of each pixel or receiver is at most
     /// this part of its mean.
     pub fn each_within(error: f64) -> Self {
-        let measure = ErrorNorm { relative: true, largest: true };
-        Self {
-            error: Some((error, measure)),
-            ..Self::relative_error(error)
-        }
+        let norm = ErrorNorm { relative: true, largest: true };
+        Self { error: Some((error, norm)), ..Self::relative_error(error) }
     }
 
     /// The time at which a program that began at `start` should end.
@@ -267,9 +262,9 @@ pub(crate) fn expected_rays(
     area: usize,
     from: Vantage,
 ) -> f64 {
-    let enough = |(error, measure): (f64, ErrorNorm)| {
+    let enough = |(error, norm): (f64, ErrorNorm)| {
         let deviation = match from {
-            _ if measure.relative => 1.,
+            _ if norm.relative => 1.,
             Vantage::Inside => 0.006,
             _ => 0.25,
         };
