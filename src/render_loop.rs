@@ -75,18 +75,6 @@ pub enum Stop {
     Signal(#[serde(skip)] i32),
 }
 
-impl Stop {
-    /// That there is no image because of this, while something was done.
-    pub fn without_image(self, doing: &str) -> String {
-        match self {
-            Stop::Signal(signal) => {
-                format!("no image: signal {signal} came while {doing}")
-            }
-            _ => format!("no image: --time ran out while {doing}"),
-        }
-    }
-}
-
 /// A step of a run: one point of the curve of error against time.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize,

@@ -403,7 +403,7 @@ fn method(
     let wanted = wanted.or(saved.map(|saved| saved.method));
     if let Some(wanted) = wanted.filter(|&wanted| wanted != chosen) {
         host.warn(format!(
-            "--time leaves too little for a first sample of each pixel \
+            "the time leaves too little for a first sample of each pixel \
              by {wanted}: the method is {chosen}"
         ));
     }

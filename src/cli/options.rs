@@ -402,6 +402,9 @@ pub fn by_option(error: &crate::error::Error) -> String {
             };
             format!("--{option}{rest}")
         }
+        crate::error::Error::Value { name, fault, .. } => {
+            format!("{fault} (--{name})")
+        }
         other => other.to_string(),
     }
 }

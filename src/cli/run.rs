@@ -18,6 +18,7 @@ use super::files;
 use super::options::{Error, Options};
 use super::progress::{self, ProgressBar, render_bar, update};
 use super::ranks::{Ranks, start_threads};
+use super::watchdog::without_image;
 use super::watchdog::{Watchdog, hard_deadline, listen, status};
 use crate::analysis::Finding;
 use crate::camera::Camera;
@@ -239,7 +240,7 @@ fn render(
     if is_over && film.unsampled() == film.area() {
         let learns = renderer.training_rays(film.area()) > 0;
         let doing = if learns { "learning" } else { "rendering" };
-        let message = stop.without_image(doing);
+        let message = without_image(stop, doing);
         if stop == Stop::Time {
             return Err(message.into());
         }

@@ -106,9 +106,8 @@ fn recognise(file: &mut (impl BufRead + Seek)) -> Result<()> {
     let mut start = file.by_ref().take(MAGIC.len() as u64);
     start.read_to_end(&mut magic).map_err(unreadable)?;
     if magic != MAGIC {
-        return Err("is not a checkpoint of this version of pt, which \
-                    -o a.litpt or --checkpoint writes"
-            .into());
+        let fault = "is not a checkpoint (.litpt) of this version of pt";
+        return Err(fault.into());
     }
     // Compare the checksum with the content
     let length = file.seek(SeekFrom::End(0)).map_err(unreadable)?;
