@@ -112,7 +112,7 @@ impl<'a> Run<'a> {
             Ok(run_key(plan, world, sampling, filtered))
         })?;
         let learnt = learnt_before(plan, &key, history, host)?;
-        Ok(Self::with(world, plan, host, (key, choice, learnt)))
+        Ok(Self::with(world, plan, host, key, choice, learnt))
     }
 
     /// A run of this key, which has learnt that.
@@ -120,15 +120,12 @@ impl<'a> Run<'a> {
         world: &'a World,
         plan: &'a Plan,
         host: Host<'a>,
-        (key, choice, learnt): (
-            RunKey,
-            Option<Choice>,
-            Arc<OnceLock<Learnt>>,
-        ),
+        key: RunKey,
+        choice: Option<Choice>,
+        learnt: Arc<OnceLock<Learnt>>,
     ) -> Self {
-        let known = learnt.clone();
-        let renderer =
-            world.setup().renderer(&key.sampling, known, host.ranks);
+        let (setup, shared) = (world.setup(), learnt.clone());
+        let renderer = setup.renderer(&key.sampling, shared, host.ranks);
         Self { plan, world, host, key, choice, learnt, renderer }
     }
 
@@ -138,18 +135,14 @@ impl<'a> Run<'a> {
         plan: &'a Plan,
         host: Host<'a>,
     ) -> Self {
-        let request = Request {
-            method: plan.method,
-            seed: plan.seed,
-            window: world.subject.sensed.window(),
-            budget: Budget::samples(64),
-            left: None,
-        };
+        let budget = Budget::samples(64);
+        let request =
+            Request { left: None, budget, ..request(plan, world, host) };
         let (sampling, choice) = world.setup().decide(&request, None);
         let sampling = sampling.for_display();
         let filtered = sampling.method != Method::Reference;
         let key = run_key(plan, world, sampling, filtered);
-        Self::with(world, plan, host, (key, choice, Arc::default()))
+        Self::with(world, plan, host, key, choice, Arc::default())
     }
 
     /// The samples of each pixel to render here, if they are limited.
@@ -273,7 +266,6 @@ impl<'a> Run<'a> {
         let reference = plan.reference.as_ref();
         let settings = Settings {
             subject: Some(key.subject.clone()),
-            hierarchy: Some(world.quality.clone()),
             seed: key.sampling.seed,
             spp: samples.or(plan.budget.samples),
             time: plan.budget.time,
@@ -284,17 +276,13 @@ impl<'a> Run<'a> {
             integrator: key.sampling.method,
             choice: self.choice.as_ref().map(ToString::to_string),
             part: key.part,
-            missing: None,
+            ..world.report.settings.clone()
         };
         let mut report = Report {
-            scene: world.file.clone(),
             settings,
             left_out: world.analysis.left_out().cloned().collect(),
-            load_seconds: world.seconds[0],
-            build_seconds: world.seconds[1],
-            light: world.light.clone(),
             norm: norm.unwrap_or_default(),
-            ..Report::default()
+            ..world.report.clone()
         };
         report.sign("pt");
         report
@@ -371,11 +359,25 @@ fn run_key(
     RunKey {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         integrator: sampling.identity(),
-        scene_sha256: world.file.sha256.clone(),
+        scene_sha256: world.report.scene.sha256.clone(),
         subject: world.subject.clone(),
         sampling,
         part: plan.part_of_nets(sampling.net_size),
         filtered,
+    }
+}
+
+/// What is asked of a run that has begun.
+fn request(plan: &Plan, world: &World, host: Host) -> Request {
+    let deadline = plan.budget.deadline(host.start);
+    Request {
+        method: plan.method,
+        seed: plan.seed,
+        window: world.subject.sensed.window(),
+        budget: plan.budget,
+        left: deadline.map(|end| {
+            end.saturating_duration_since(Instant::now()).as_secs_f64()
+        }),
     }
 }
 
@@ -387,16 +389,7 @@ fn method(
     saved: Option<Sampling>,
     host: Host,
 ) -> (Sampling, Option<Choice>) {
-    let deadline = plan.budget.deadline(host.start);
-    let request = Request {
-        method: plan.method,
-        seed: plan.seed,
-        window: world.subject.sensed.window(),
-        budget: plan.budget,
-        left: deadline.map(|end| {
-            end.saturating_duration_since(Instant::now()).as_secs_f64()
-        }),
-    };
+    let request = request(plan, world, host);
     let (sampling, choice) = world.setup().decide(&request, saved);
     // Warn if it is not the method that is asked for
     let (wanted, chosen) = (request.method, sampling.method);

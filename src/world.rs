@@ -35,8 +35,8 @@ use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
 use crate::plan::{
     Budget, CameraPlan, Plan, SensorPlan, Stand, input_name, require,
 };
-use crate::render::choose::{Setup, Vantage, expected_rays};
-use crate::report::SceneFile;
+use crate::render::choose::{Setup, expected_rays};
+use crate::report::{Report, SceneFile, Settings};
 use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
@@ -59,14 +59,9 @@ pub struct World {
     pub analysis: SceneAnalysis,
     /// What the values of receivers are written with.
     table: Option<Table>,
-    /// The file of the scene.
-    pub file: SceneFile,
-    /// The light, in words.
-    pub light: String,
-    /// How well the hierarchy is built, in words.
-    pub quality: String,
-    /// Seconds to read the scene, and to build the hierarchy of it.
-    pub seconds: [f64; 2],
+    /// What is reported of it: the file, the light, how well the hierarchy
+    /// is built, and the seconds of both.
+    pub report: Report,
 }
 
 impl World {
@@ -147,6 +142,17 @@ impl World {
             host.warn_all(&table.file, odd);
             check_receivers(plan, table, all.count(), &mut subject)?;
         }
+        let settings = Settings {
+            hierarchy: Some(quality.to_string()),
+            ..Settings::default()
+        };
+        let report = Report {
+            scene: file,
+            settings,
+            load_seconds: seconds,
+            light,
+            ..Report::default()
+        };
         let mut world = Self {
             subject,
             sensor,
@@ -156,13 +162,10 @@ impl World {
             left_out,
             analysis: SceneAnalysis::default(),
             table,
-            file,
-            light,
-            quality: quality.to_string(),
-            seconds: [seconds, 0.],
+            report,
         };
         world.analyse(plan, host);
-        world.seconds[1] = began.elapsed().as_secs_f64();
+        world.report.build_seconds = began.elapsed().as_secs_f64();
         Ok(world)
     }
 
@@ -375,20 +378,15 @@ fn camera(sensed: &Sensed, frame: &Frame) -> Result<Sensor> {
 
 /// A guess of the rays of a run.
 fn rays(plan: &Plan, subject: &Subject, sensor: &Sensor) -> f64 {
-    let (area, vantage) = match sensor {
-        Sensor::Camera(_, entrance) => {
+    let area = match sensor {
+        Sensor::Camera(..) => {
             let band = plan.part.map_or((1, 1), |part| part.band);
-            let window = subject.sensed.window().band(band, SIDE);
-            let vantage = match entrance.is_inside {
-                true => Vantage::Inside,
-                false => Vantage::Outside,
-            };
-            (window.area(), vantage)
+            subject.sensed.window().band(band, SIDE).area()
         }
-        Sensor::Receivers(all) => (all.count(), Vantage::Receivers),
+        Sensor::Receivers(receivers) => receivers.count(),
     };
     let budget = Budget { samples: plan.goal(1), ..plan.budget };
-    expected_rays(&budget, plan.surfaces.albedo, area, vantage)
+    expected_rays(&budget, plan.surfaces.albedo, area, sensor)
 }
 
 /// Notes how many receivers there are.

@@ -16,7 +16,7 @@ use clap::builder::StyledStr;
 
 use super::files;
 use super::options::{Error, Options};
-use super::progress::{self, ProgressBar, render_bar, update};
+use super::progress::{self, render_bar, update};
 use super::ranks::{Ranks, start_threads};
 use super::watchdog::without_image;
 use super::watchdog::{Watchdog, hard_deadline, listen, status};
@@ -29,7 +29,7 @@ use crate::image::{Format, Image};
 use crate::inputs::{Inputs, in_first_rank};
 use crate::output::OutputTarget;
 use crate::plan::{Plan, Product, is_dash};
-use crate::render_loop::{Convergence, Limits, Stop};
+use crate::render_loop::{Convergence, Stop};
 use crate::run::{History, Run};
 use crate::run_output::RunOutput;
 use crate::sensor::INSIDE;
@@ -215,10 +215,24 @@ fn render(
     // Render, with a bar that is up to date
     let bar = render_bar(host.start, plan.budget.time);
     watchdog.renders(bar.clone());
-    let shows = Shows { bar: &bar, limits: &limits, area: film.area() };
-    shows.begin(renderer.training_rays(shows.area), &convergence);
+    let area = film.area();
+    // Show how far the run is
+    let show = |convergence: &Convergence| {
+        let spp = convergence.expected(&limits, area);
+        let expected = spp.map(|spp| spp.saturating_mul(area));
+        let paths = convergence.spp.saturating_mul(area);
+        let mut text = format!("{} spp, ", convergence.spp);
+        if let Some(rmse) = convergence.last().rmse {
+            text += &format!("rmse {rmse:.2e}, ");
+        }
+        update(&bar, (paths, expected), "paths", text);
+    };
+    match renderer.training_rays(area) {
+        0 => show(&convergence),
+        rays => update(&bar, (0, Some(rays)), "rays", "learning, ".into()),
+    }
     let mut after = |convergence: &Convergence, film: &Film| {
-        shows.update(convergence);
+        show(convergence);
         let written = output.write(convergence, film, Some(Instant::now()));
         if let Err(error) = written {
             bar.suspend(|| progress::warn(&error.to_string()));
@@ -237,8 +251,8 @@ fn render(
     }
     // End without an image if there is no sample
     let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
-    if is_over && film.unsampled() == film.area() {
-        let learns = renderer.training_rays(film.area()) > 0;
+    if is_over && film.unsampled() == area {
+        let learns = renderer.training_rays(area) > 0;
         let doing = if learns { "learning" } else { "rendering" };
         let message = without_image(stop, doing);
         if stop == Stop::Time {
@@ -252,40 +266,6 @@ fn render(
     }
     finish(output, &film, &convergence, files.shown)?;
     Ok(stop)
-}
-
-/// A bar that shows how far a run is.
-struct Shows<'a> {
-    bar: &'a ProgressBar,
-    limits: &'a Limits<'a>,
-    /// The number of pixels.
-    area: u64,
-}
-
-impl Shows<'_> {
-    /// Shows that so many rays of training come first, if any.
-    fn begin(&self, training: u64, convergence: &Convergence) {
-        match training {
-            0 => self.update(convergence),
-            rays => {
-                let what = "learning, ".to_owned();
-                update(self.bar, (0, Some(rays)), "rays", what);
-            }
-        }
-    }
-
-    /// Shows how far a run is.
-    fn update(&self, convergence: &Convergence) {
-        let &Self { bar, limits, area } = self;
-        let spp = convergence.expected(limits, area);
-        let expected = spp.map(|spp| spp.saturating_mul(area));
-        let paths = convergence.spp.saturating_mul(area);
-        let mut text = format!("{} spp, ", convergence.spp);
-        if let Some(rmse) = convergence.last().rmse {
-            text += &format!("rmse {rmse:.2e}, ");
-        }
-        update(bar, (paths, expected), "paths", text);
-    }
 }
 
 /// Writes the files a last time, and prints what is to be known of the run.

@@ -15,6 +15,7 @@ use super::sampling::{GATHER_RAYS, Method, Sampling, Setup};
 use crate::analysis::SceneAnalysis;
 use crate::bvh::Intersector as _;
 use crate::film::{ErrorNorm, Window};
+use crate::sensor::Sensor;
 
 impl Setup<'_> {
     /// Chooses how the samples of a request are made, or as many as have the
@@ -240,17 +241,6 @@ impl Sampling {
     }
 }
 
-/// From where the paths of a run begin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Vantage {
-    /// A camera outside the box around the scene.
-    Outside,
-    /// A camera within it.
-    Inside,
-    /// Receivers.
-    Receivers,
-}
-
 /// Rays per second that a thread is guessed to trace.
 const RATE: f64 = 4e6;
 
@@ -260,20 +250,20 @@ pub(crate) fn expected_rays(
     &Budget { samples, time, error }: &Budget,
     albedo: f64,
     area: usize,
-    from: Vantage,
+    sensor: &Sensor,
 ) -> f64 {
     let enough = |(error, norm): (f64, ErrorNorm)| {
-        let deviation = match from {
+        let deviation = match sensor {
             _ if norm.relative => 1.,
-            Vantage::Inside => 0.006,
+            Sensor::Camera(_, entrance) if entrance.is_inside => 0.006,
             _ => 0.25,
         };
         (deviation / error).powi(2).max(1.)
     };
     let limits = [samples.map(|n| n as f64), error.map(enough)];
     let samples = limits.into_iter().flatten().reduce(f64::min);
-    let each = match from {
-        Vantage::Outside => 1. + albedo,
+    let each = match sensor {
+        Sensor::Camera(_, entrance) if !entrance.is_inside => 1. + albedo,
         _ => (1. / (1. - albedo)).min(10.),
     };
     let rays = samples.map(|n| n * area as f64 * each);
