@@ -157,9 +157,14 @@ fn true_error(film: &Film, truth: &[f64]) -> f64 {
 }
 
 impl Convergence {
-    /// Goes on with a run until a limit is reached. Calls `advance`, from
-    /// any thread, with the number of paths that are done, or of rays while
-    /// the renderer learns, and `after` when a pass has ended.
+    /// Goes on with a run until a limit is reached: the render loop, which
+    /// [`Run::render`](crate::run::Run::render), the command `pt` and `ptview`
+    /// call. It is here, and not in `Run`, since by what was done so far it
+    /// decides how long a pass lasts and when the next step is due.
+    ///
+    /// Calls `advance`, from any thread, with the number of paths that are
+    /// done, or of rays while the renderer learns, and `after` when a pass has
+    /// ended.
     pub fn run(
         &mut self,
         renderer: &mut dyn Renderer,

@@ -288,7 +288,8 @@ impl<'a> Run<'a> {
         report
     }
 
-    /// Renders until a limit of the plan is reached, or the run is cancelled.
+    /// Renders until a limit of the plan is reached, or the run is cancelled,
+    /// by the render loop, which is [`Convergence::run`].
     ///
     /// # Errors
     /// There is too little memory.
