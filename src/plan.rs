@@ -368,17 +368,6 @@ impl Plan {
         }
     }
 
-    /// The part in whole nets of so many samples.
-    pub fn part_of_nets(&self, net_size: u64) -> Option<Part> {
-        self.part.map(|part| part.rounded(net_size))
-    }
-
-    /// The number of samples to render here, if it is limited.
-    pub fn goal(&self, net_size: u64) -> Option<u64> {
-        let part = self.part_of_nets(net_size).map(|part| part.count());
-        part.or(self.budget.samples)
-    }
-
     /// Whether it can be rendered.
     ///
     /// # Errors

@@ -134,9 +134,6 @@ pub struct Convergence {
     /// What each rank has done since the run was begun or resumed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ranks: Vec<RankStats>,
-    /// Which error is held against a target.
-    #[serde(skip)]
-    norm: ErrorNorm,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
@@ -174,7 +171,6 @@ impl Convergence {
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
         (self.stopped, self.ranks) = (None, vec![]);
-        self.norm = limits.norm;
         let (start, before) = (limits.now(), self.seconds);
         let spent = self.processor_seconds.unwrap_or(0.);
         // Watch for signals and for the end of the time
@@ -234,9 +230,8 @@ impl Convergence {
     /// next step is due.
     fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
         // Find when the next step is due
-        let needed = |error| self.needed(error, area).max(self.spp + 1);
-        let ends =
-            limits.samples.into_iter().chain(limits.error.map(needed));
+        let needed = self.needed(limits, area).map(|n| n.max(self.spp + 1));
+        let ends = limits.samples.into_iter().chain(needed);
         let due =
             ends.fold(next_step(self.last().spp.max(self.spp)), u64::min);
         // Find the time for a pass
@@ -256,17 +251,18 @@ impl Convergence {
     /// The samples after which the run is expected to stop, if its time
     /// is not over before; none if that cannot be foreseen.
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
-        let error = self.last().judged(limits.norm).and(limits.error);
-        let error = error.map(|error| self.needed(error, area));
-        let all = [limits.samples, error].into_iter().flatten();
+        let last = self.last().judged(limits.norm);
+        let needed = last.and_then(|_| self.needed(limits, area));
+        let all = [limits.samples, needed].into_iter().flatten();
         all.min().map(|spp| spp.max(self.spp))
     }
 
-    /// The samples after which the error is expected to be reached.
-    fn needed(&self, error: f64, area: u64) -> u64 {
-        let last = self.last().judged(self.norm);
+    /// The samples after which the error is expected to be reached, if one is
+    /// asked for.
+    fn needed(&self, limits: &Limits, area: u64) -> Option<u64> {
+        let last = self.last().judged(limits.norm);
         let spp = last.map_or(self.spp, |_| self.last().spp);
-        samples_to_error(error, (spp, last), area)
+        Some(samples_to_error(limits.error?, (spp, last), area))
     }
 
     /// Why the run should stop now, if it should; the first sample has time
@@ -287,7 +283,7 @@ impl Convergence {
         if has_all {
             return Some(Stop::Samples);
         }
-        if limits.error.is_some_and(|error| self.reaches(error, area)) {
+        if self.reaches(limits, area) {
             return Some(Stop::Error);
         }
         // Say whether the time is over or too short
@@ -302,13 +298,16 @@ impl Convergence {
 
     /// Whether the error is known to be small enough, even if there is light
     /// that no path has met yet (the rule of three).
-    fn reaches(&self, error: f64, area: u64) -> bool {
+    fn reaches(&self, limits: &Limits, area: u64) -> bool {
+        let step = self.last();
         let paths = self.spp as f64 * area as f64;
         let unseen = 3. / (paths * self.spp as f64);
-        let enough = |rmse| rmse * rmse + unseen <= error * error;
-        let step = self.last();
         let is_recent = step.spp == self.spp && paths >= MIN_PATHS;
-        is_recent && step.judged(self.norm).is_some_and(enough)
+        let errors = limits.error.zip(step.judged(limits.norm));
+        is_recent
+            && errors.is_some_and(|(target, rmse)| {
+                rmse * rmse + unseen <= target * target
+            })
     }
 
     /// Records a point, if there has been a pass since the last one.

@@ -147,7 +147,8 @@ impl<'a> Run<'a> {
 
     /// The samples of each pixel to render here, if they are limited.
     pub fn goal(&self) -> Option<u64> {
-        self.plan.goal(self.key.sampling.net_size)
+        let part = self.key.part.map(|part| part.count());
+        part.or(self.plan.budget.samples)
     }
 
     /// The film and what it has so far: nothing yet, or what is saved.
@@ -363,7 +364,7 @@ fn run_key(
         scene_sha256: world.report.scene.sha256.clone(),
         subject: world.subject.clone(),
         sampling,
-        part: plan.part_of_nets(sampling.net_size),
+        part: plan.part.map(|part| part.rounded(sampling.net_size)),
         filtered,
     }
 }

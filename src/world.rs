@@ -385,7 +385,9 @@ fn rays(plan: &Plan, subject: &Subject, sensor: &Sensor) -> f64 {
         }
         Sensor::Receivers(receivers) => receivers.count(),
     };
-    let budget = Budget { samples: plan.goal(1), ..plan.budget };
+    let part = plan.part.map(|part| part.count());
+    let samples = part.or(plan.budget.samples);
+    let budget = Budget { samples, ..plan.budget };
     expected_rays(&budget, plan.surfaces.albedo, area, sensor)
 }
 

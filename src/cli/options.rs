@@ -10,8 +10,9 @@ use std::ffi::OsString;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-use clap::builder::{ArgPredicate, StyledStr};
-use clap::{Args, Parser};
+use clap::builder::TypedValueParser;
+use clap::builder::{ArgPredicate, PossibleValuesParser, StyledStr};
+use clap::{ArgAction, Args, Parser};
 use glam::DVec3;
 
 use crate::bvh::Isa;
@@ -198,9 +199,12 @@ pub struct LimitOptions {
         value_name = "rms|max",
         default_value = "rms",
         hide_possible_values = true,
-        requires = "error"
+        requires = "error",
+        action = ArgAction::Set,
+        value_parser = PossibleValuesParser::new(["rms", "max"])
+            .map(|norm| norm == "max")
     )]
-    pub error_norm: Norm,
+    pub error_norm: bool,
 
     /// Sampling method: reference, paths of independent numbers; sobol, the same
     /// paths placed by scrambled nets; gather, into a corrected cache of
@@ -362,26 +366,17 @@ free to change and redistribute it. There is NO WARRANTY, to the extent
 permitted by law.";
 
 /// Why there is nothing to run.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The help or the version was asked for, which is this.
+    #[error("{0}")]
     Help(StyledStr),
     /// What is wrong with the command line, in one line.
+    #[error("{0}")]
     Usage(String),
-    /// What has failed, in one line.
-    Failure(String),
-}
-
-impl From<crate::error::Error> for Error {
-    fn from(error: crate::error::Error) -> Self {
-        Self::Failure(by_option(&error))
-    }
-}
-
-impl From<String> for Error {
-    fn from(message: String) -> Self {
-        Self::Failure(message)
-    }
+    /// What has failed.
+    #[error("{}", by_option(.0))]
+    Failure(#[from] crate::error::Error),
 }
 
 /// That a command line is wrong.

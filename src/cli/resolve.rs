@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::options::{Error, LimitOptions, Options, by_option, usage};
-use super::values::Norm;
 use crate::camera::View;
 use crate::compare::display::Exposure;
 use crate::error;
@@ -173,7 +172,7 @@ impl Options {
     /// Takes when the run ends, and which part of it there is.
     fn limit(&self, plan: &mut Plan) {
         let &LimitOptions { samples, time, error, .. } = &self.limits;
-        let largest = matches!(self.limits.error_norm, Norm::Max);
+        let largest = self.limits.error_norm;
         let norm =
             |(error, relative)| (error, ErrorNorm { relative, largest });
         if samples.is_some() || time.is_some() || error.is_some() {

@@ -53,16 +53,15 @@ pub fn main_with(ranks: &dyn Ranks) -> ExitCode {
 
 /// Says why a program ends, and with which status.
 pub fn fail(error: Error) -> ExitCode {
-    let (message, status) = match error {
+    let error = match error {
         Error::Help(text) => match print(&text) {
             Ok(()) => return ExitCode::SUCCESS,
-            Err(error) => (error.to_string(), 1),
+            Err(error) => error.into(),
         },
-        Error::Usage(message) => (message, 2),
-        Error::Failure(message) => (message, 1),
+        other => other,
     };
-    progress::error(&message);
-    ExitCode::from(status)
+    progress::error(&error.to_string());
+    ExitCode::from(if matches!(error, Error::Usage(_)) { 2 } else { 1 })
 }
 
 /// Prints a text on standard output, on a terminal in colour.

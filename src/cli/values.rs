@@ -6,7 +6,6 @@
 use std::num::{IntErrorKind, ParseIntError};
 use std::str::FromStr;
 
-use clap::ValueEnum;
 use glam::DVec3;
 
 use crate::film::digits;
@@ -55,15 +54,6 @@ pub fn parse_method(name: &str) -> Result<RequestedMethod, String> {
         }
         method => Ok(method),
     }
-}
-
-/// Which error is limited.
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub enum Norm {
-    /// The root mean square of all pixels.
-    Rms,
-    /// That of the worst pixel.
-    Max,
 }
 
 /// Parses an error to reach, and whether it is relative.

@@ -33,12 +33,12 @@ use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{GROUND, Hit};
 use litpt::camera::{View, typed};
-use litpt::cli::options::{Error, Options, ViewOptions, parse_words};
+use litpt::cli::options::{self, Options, ViewOptions, parse_words};
 use litpt::cli::ranks::start_threads;
 use litpt::cli::run::fail;
 use litpt::cli::{progress, watchdog};
 use litpt::compare::display::auto_stops;
-use litpt::error::Result;
+use litpt::error::{Error, Result};
 use litpt::film::{Film, NEIGHBOUR_WEIGHT, Watch};
 use litpt::filter::{Filtered, FirstHits, surface_means};
 use litpt::host::{Event, Host, Interrupt};
@@ -122,13 +122,12 @@ fn main() -> ExitCode {
     run().map_or_else(fail, |()| ExitCode::SUCCESS)
 }
 
-fn run() -> Result<(), Error> {
+fn run() -> Result<(), options::Error> {
     let mut options: ViewOptions = parse_words(env::args_os())?;
     let interrupt = watchdog::listen()?;
     let settings = begin(&mut options.words);
     // Make a viewer of the scene
-    let token =
-        secret().map_err(|e| format!("cannot choose a secret: {e}"))?;
+    let token = secret().map_err(Error::cannot("read", RANDOM))?;
     let wanted = Mutex::new(Wanted { settings, ..Wanted::default() });
     let mut viewer = Viewer { options, token, wanted, ..Viewer::default() };
     let words = viewer.words(&lock(&viewer.wanted).settings);
@@ -138,14 +137,15 @@ fn run() -> Result<(), Error> {
     let prints =
         typed.execution.dry_run || typed.execution.sample.is_some();
     if !is_whole || prints || is_dash(&first.scene) {
-        let fault = "ptview shows whole images of a file, and no receivers";
-        return Err(fault.to_owned().into());
+        let fault = "ptview shows whole images of a file: no receivers, and no \
+                     --crop, --sample or --dry-run";
+        return Err(Error::from(fault).into());
     }
     start_threads(&first)?;
     viewer.scene = RwLock::new(Some(open(first)?));
     progress::set_quiet(true);
     // Serve a page on a free port of this machine
-    let fault = |e| format!("cannot serve a page: {e}");
+    let fault = |e| Error::from(format!("cannot serve a page: {e}"));
     let runtime = Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(fault)?;
     let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0"));
@@ -168,10 +168,12 @@ fn run() -> Result<(), Error> {
     Ok(())
 }
 
+const RANDOM: &str = "/dev/urandom";
+
 /// So many random digits that nobody guesses them.
 fn secret() -> io::Result<String> {
     let mut bytes = [0; 16];
-    File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+    File::open(RANDOM)?.read_exact(&mut bytes)?;
     Ok(format!("{:032x}", u128::from_ne_bytes(bytes)))
 }
 
@@ -247,12 +249,8 @@ impl Viewer {
     /// The plan of a view with these settings.
     fn plan(&self, settings: &Settings) -> Result<Plan> {
         let options = Options::parse(self.words(settings));
-        options.and_then(|it| it.plan(None, false)).map_err(|error| {
-            match error {
-                Error::Usage(fault) | Error::Failure(fault) => fault.into(),
-                Error::Help(_) => "help is not a view".into(),
-            }
-        })
+        let plan = options.and_then(|it| it.plan(None, false));
+        plan.map_err(|error| error.to_string().into())
     }
 }
 
