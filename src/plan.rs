@@ -452,8 +452,9 @@ impl Plan {
         let read =
             [Some(scene), points, cache.as_mut(), reference.as_mut()];
         let written = files.iter_mut().map(|(_, path)| path);
-        let all = read.into_iter().flatten().chain(written).chain(replaced);
-        all.filter(|name| !is_dash(name))
+        let names =
+            read.into_iter().flatten().chain(written).chain(replaced);
+        names.filter(|name| !is_dash(name))
     }
 }
 

@@ -54,8 +54,8 @@ impl Limits<'_> {
 
     /// When rendering has to end if this share of the pixels has a sample.
     fn end(&self, share: f64) -> Option<Instant> {
-        let [none, all] = self.reserve;
-        let reserve = none + share.min(1.) * (all - none);
+        let [none, full] = self.reserve;
+        let reserve = none + share.min(1.) * (full - none);
         let reserve = Duration::from_secs_f64(reserve.max(0.));
         self.deadline.map(|end| end.checked_sub(reserve).unwrap_or(end))
     }
@@ -215,9 +215,9 @@ impl Convergence {
             self.seconds = before + (now - start).as_secs_f64();
             self.ranks = renderer.shares().to_vec();
             if !self.ranks.is_empty() {
-                let all =
+                let seconds =
                     self.ranks.iter().map(|share| share.processor_seconds);
-                self.processor_seconds = Some(spent + all.sum::<f64>());
+                self.processor_seconds = Some(spent + seconds.sum::<f64>());
             }
             if self.spp >= due {
                 self.record(film, limits);
@@ -253,8 +253,8 @@ impl Convergence {
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
         let last = self.last().judged(limits.norm);
         let needed = last.and_then(|_| self.needed(limits, area));
-        let all = [limits.samples, needed].into_iter().flatten();
-        all.min().map(|spp| spp.max(self.spp))
+        let ends = [limits.samples, needed].into_iter().flatten();
+        ends.min().map(|spp| spp.max(self.spp))
     }
 
     /// The samples after which the error is expected to be reached, if one is

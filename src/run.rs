@@ -204,10 +204,10 @@ impl<'a> Run<'a> {
 
     /// The limits that the plan sets.
     pub fn limits(&self) -> Limits<'a> {
-        let known = samples_if_known(&self.world.analysis);
+        let enough = samples_if_known(&self.world.analysis);
         let (error, norm) = self.plan.budget.error.unzip();
         Limits {
-            samples: self.goal().or(known),
+            samples: self.goal().or(enough),
             deadline: self.plan.budget.deadline(self.host.start),
             error,
             norm: norm.unwrap_or_default(),
@@ -228,7 +228,9 @@ impl<'a> Run<'a> {
     ) -> Result<String> {
         let World { bvh, frame, .. } = self.world;
         let row = match self.world.table() {
-            Some((_, all)) => all.numbers.iter().position(|&it| it == y),
+            Some((_, receivers)) => {
+                receivers.numbers.iter().position(|&it| it == y)
+            }
             None => Some(y as usize),
         };
         let row = row.map_or(u32::MAX, |row| row as u32);
@@ -249,8 +251,8 @@ impl<'a> Run<'a> {
         let Some(trace) = trace else {
             return Ok("nothing was learnt\n".to_owned());
         };
-        let all = (0, self.plan.budget.samples.unwrap_or(u64::MAX));
-        let (from, end) = part.map_or(all, |part| part.samples);
+        let whole = (0, self.plan.budget.samples.unwrap_or(u64::MAX));
+        let (from, end) = part.map_or(whole, |part| part.samples);
         let nets =
             from / sampling.net_size..end.div_ceil(sampling.net_size);
         let net = trace.scramble.map(|scramble| scramble.number);
@@ -332,8 +334,8 @@ impl Rendering<'_> {
     /// the radiance of pixels in units of that of the uniform sky.
     pub fn values(&self) -> Vec<[f64; 2]> {
         let film = &self.film;
-        if let Some((table, all)) = self.world.table() {
-            let values = table.values(all, film, None).into_iter();
+        if let Some((table, receivers)) = self.world.table() {
+            let values = table.values(receivers, film, None).into_iter();
             return values.map(|(pair, _)| pair.map(f64::from)).collect();
         }
         let errors = film.errors(NEIGHBOUR_WEIGHT, film.window);
@@ -436,11 +438,11 @@ fn learnt_before(
     let mut found =
         own.map(|s| s.record.learnt.clone()).unwrap_or_default();
     if let (Some(path), Some(cache)) = (&plan.cache, &history.cache) {
-        let mut known = cache.record.clone();
-        known.run_key.part = key.part;
-        let belongs = known.belongs_to(key);
+        let mut record = cache.record.clone();
+        record.run_key.part = key.part;
+        let belongs = record.belongs_to(key);
         belongs.map_err(|fault| fault.of_file(path))?;
-        found = known.learnt;
+        found = record.learnt;
         if found.get().is_none() && key.sampling.method == Method::Gather {
             let fault = Error::from("holds nothing learnt");
             return Err(fault.of_file(path));

@@ -64,8 +64,8 @@ impl RunFile {
 /// The names and values of what is written as an object, as the attributes of
 /// an image.
 pub fn attributes(value: &impl Serialize) -> BTreeMap<String, String> {
-    let all = entries(value).into_iter();
-    all.map(|(name, value)| (name, as_typed(&value))).collect()
+    let named = entries(value).into_iter();
+    named.map(|(name, value)| (name, as_typed(&value))).collect()
 }
 
 impl<'a> RunOutput<'a> {
@@ -198,8 +198,8 @@ impl<'a> RunOutput<'a> {
         let filter = if is_filtered { 5000. / threads } else { 0. };
         let is_cut = self.record.run_key.subject.sky.background.is_some();
         let cut = if is_cut { 5000. / threads } else { 0. };
-        let all = summary + files + filter + cut;
-        [none, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
+        let most = summary + files + filter + cut;
+        [none, most].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
     }
 }
 
@@ -312,24 +312,26 @@ impl Shown<'_> {
             "render_seconds": seconds,
             "stopped": stopped.map_or(json!("not yet"), |stop| json!(stop)),
         });
-        let mut all = entries(&report.settings);
-        all.retain(|_, value| !value.is_null());
-        all.extend(entries(run_key));
-        all.extend(entries(&progress));
+        let mut facts = entries(&report.settings);
+        facts.retain(|_, value| !value.is_null());
+        facts.extend(entries(run_key));
+        facts.extend(entries(&progress));
         let auto = self.auto.map(|stops| json!(stops));
-        all.extend(auto.map(|stops| (AUTO_EXPOSURE.to_owned(), stops)));
+        facts.extend(auto.map(|stops| (AUTO_EXPOSURE.to_owned(), stops)));
         let errors = filtered.and_then(|image| image.errors.as_deref());
         let more = [
             (OPACITY, opacity),
             (FILTERED[0], filtered.map(|image| &image.means[..])),
             (FILTERED[1], errors),
         ];
-        let more = more.into_iter().filter_map(|(n, all)| Some((n, all?)));
+        let more = more
+            .into_iter()
+            .filter_map(|(name, channel)| Some((name, channel?)));
         Picture {
             film,
             allocation,
             more: more.collect(),
-            attributes: attributes(&all),
+            attributes: attributes(&facts),
         }
     }
 }

@@ -76,7 +76,9 @@ impl World {
     /// The receivers, if there are any, and their table.
     pub fn table(&self) -> Option<(&Table, &Receivers)> {
         match (&self.table, &self.sensor) {
-            (Some(table), Sensor::Receivers(all)) => Some((table, all)),
+            (Some(table), Sensor::Receivers(receivers)) => {
+                Some((table, receivers))
+            }
             _ => None,
         }
     }
@@ -131,16 +133,17 @@ impl World {
         bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
         let albedos = AlbedoTable::new(&faces, &bvh)?;
         // Put receivers in the order of their places
-        if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor)
+        if let (Some(table), Sensor::Receivers(receivers)) =
+            (&table, &mut sensor)
         {
-            let grid = Grid::around(&all.middles());
+            let grid = Grid::around(&receivers.middles());
             let has_sides =
                 plan.points().is_some() && left_out[1].is_empty();
             let around = (&bvh, &frame, subject.sky.zenith, has_sides);
-            all.order(around, |hit| grid.order(hit));
-            let odd = table.odd(all, |why, _| why != INSIDE);
+            receivers.order(around, |hit| grid.order(hit));
+            let odd = table.odd(receivers, |why, _| why != INSIDE);
             host.warn_all(&table.file, odd);
-            check_receivers(plan, table, all.count(), &mut subject)?;
+            check_receivers(plan, table, receivers.count(), &mut subject)?;
         }
         let settings = Settings {
             hierarchy: Some(quality.to_string()),
@@ -357,10 +360,10 @@ fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
 
 /// Warns of triangles that are too small.
 fn warn_of_size(triangles: &crate::scene::Triangles, host: Host) {
-    let (count, all) = (too_small(triangles), triangles.len());
+    let (count, total) = (too_small(triangles), triangles.len());
     if count > 0 {
         host.warn(format!(
-            "{count} of {all} triangles: smaller than 2^-40 of the largest, or \
+            "{count} of {total} triangles: smaller than 2^-40 of the largest, or \
              2^-43 of the scene; close to larger ones the light may be wrong"
         ));
     }

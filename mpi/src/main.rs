@@ -56,9 +56,9 @@ impl Communicator for World {
         };
         let others = (1..self.rank_and_size().1).map(|_| wait_for(look));
         let parts = BTreeMap::from_iter(others.chain([(0, own.to_vec())]));
-        let mut all = Vec::from_iter(parts.into_values()).concat();
-        tell(&mut all);
-        all.into()
+        let mut whole = Vec::from_iter(parts.into_values()).concat();
+        tell(&mut whole);
+        whole.into()
     }
 
     fn broadcast(&self, mut own: Vec<u8>) -> Result<Vec<u8>> {

@@ -86,9 +86,10 @@ impl Options {
         let Self { scene, sensor, limits, parts, .. } = self;
         let (mut change, surfaces) = (Change(None), &mut plan.surfaces);
         if !scene.albedos.is_empty() {
-            let all = scene.albedos.iter().cloned();
+            let albedos = scene.albedos.iter().cloned();
             let is_unnamed = |(name, _): &(String, f64)| name.is_empty();
-            let (unnamed, named): (Vec<_>, _) = all.partition(is_unnamed);
+            let (unnamed, named): (Vec<_>, _) =
+                albedos.partition(is_unnamed);
             let albedo = unnamed.last().map_or(1., |&(_, albedo)| albedo);
             change.set("albedo", &mut surfaces.albedo, Some(albedo));
             change.set("albedo", &mut surfaces.named, Some(named));
@@ -257,12 +258,12 @@ impl Options {
         };
         let images = images.into_iter().map(image);
         let reports = reports.iter().map(report);
-        let all = images.chain(states.into_iter().map(Ok)).chain(reports);
-        Ok(all.collect::<error::Result<_>>()?)
+        let files = images.chain(states.into_iter().map(Ok)).chain(reports);
+        Ok(files.collect::<error::Result<_>>()?)
     }
 
     /// Takes the files that are typed, and keeps the others.
-    fn go_on(&self, all: &mut Outputs, typed: Vec<(Product, PathBuf)>) {
+    fn go_on(&self, plan: &mut Outputs, typed: Vec<(Product, PathBuf)>) {
         let Self { outputs, parts, .. } = self;
         let is_new = |(product, _): &(Product, PathBuf)| match product {
             Product::State => true,
@@ -270,14 +271,14 @@ impl Options {
             _ => !outputs.output.is_empty() || outputs.format.is_some(),
         };
         let resumed = parts.resume.clone().unwrap_or_default();
-        let old = all.files.iter().map(|(_, path)| path.clone());
-        all.replaced.extend(old.chain([resumed.clone()]));
-        all.replaced.sort();
-        all.replaced.dedup();
-        all.files.retain(|file| !is_new(file));
-        all.files.splice(0..0, typed.into_iter().filter(is_new));
-        if all.of(|product| product == Product::State).next().is_none() {
-            all.files.push((Product::State, resumed));
+        let old = plan.files.iter().map(|(_, path)| path.clone());
+        plan.replaced.extend(old.chain([resumed.clone()]));
+        plan.replaced.sort();
+        plan.replaced.dedup();
+        plan.files.retain(|file| !is_new(file));
+        plan.files.splice(0..0, typed.into_iter().filter(is_new));
+        if plan.of(|product| product == Product::State).next().is_none() {
+            plan.files.push((Product::State, resumed));
         }
     }
 

@@ -296,14 +296,14 @@ fn finish(
 /// Warns of receivers that get no light, and of those that seem to be inside
 /// a body.
 fn warn_of_receivers(world: &World, film: &Film, host: Host) {
-    let Some((table, all)) = world.table() else { return };
+    let Some((table, receivers)) = world.table() else { return };
     let first = film.window.corner.1 as usize;
-    let means = all.numbers[first..].iter().zip(film.means());
+    let means = receivers.numbers[first..].iter().zip(film.means());
     let dark = means.filter(|(_, mean)| *mean == 0.);
     let dark: BTreeSet<_> = dark.map(|(number, _)| number).collect();
     if dark.len() as u64 == film.area() {
         host.warn("no light arrives: does a face close each opening?");
     }
     let is_meant = |why, number| why == INSIDE && dark.contains(&number);
-    host.warn_all(&table.file, table.odd(all, is_meant));
+    host.warn_all(&table.file, table.odd(receivers, is_meant));
 }

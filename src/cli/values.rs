@@ -47,8 +47,8 @@ pub type RequestedMethod = Option<Method>;
 
 /// Parses the name of a method, or `auto`.
 pub fn parse_method(name: &str) -> Result<RequestedMethod, String> {
-    let mut all = Method::ALL.into_iter();
-    match all.find(|method| method.to_string() == name) {
+    let mut methods = Method::ALL.into_iter();
+    match methods.find(|method| method.to_string() == name) {
         None if name != "auto" => {
             Err("expected auto, reference, sobol or gather".to_owned())
         }

@@ -35,8 +35,8 @@ fn register() -> io::Result<Interrupt> {
     // A file beyond the limit of size is an error, not the end.
     flag::register(SIGXFSZ, Arc::default())?;
     let ends = [SIGINT, SIGTERM, SIGHUP];
-    let all = ends.into_iter().chain([SIGXCPU, SIGUSR1, SIGUSR2]);
-    for signal in all.filter(|&signal| !is_ignored(signal)) {
+    let signals = ends.into_iter().chain([SIGXCPU, SIGUSR1, SIGUSR2]);
+    for signal in signals.filter(|&signal| !is_ignored(signal)) {
         // Register what a signal does
         if ends.contains(&signal) {
             let shut_down = flag::register_conditional_shutdown;

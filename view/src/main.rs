@@ -217,13 +217,14 @@ fn begin(words: &mut Vec<String>) -> Settings {
         let end = end.unwrap_or(if is_long { word.len() } else { 2 });
         let (name, rest) =
             word.split_at_checked(end).unwrap_or((&*word, ""));
-        let known = SETTINGS.iter().find(|it| it.0 == name || it.1 == name);
+        let setting =
+            SETTINGS.iter().find(|it| it.0 == name || it.1 == name);
         let is_plain = |value: &String| !value.contains('=');
         let value = match rest {
-            "" => typed.next_if(|next| known.is_some() && is_plain(next)),
+            "" => typed.next_if(|next| setting.is_some() && is_plain(next)),
             _ => Some(rest.strip_prefix('=').unwrap_or(rest).to_owned()),
         };
-        match (known, value.filter(is_plain)) {
+        match (setting, value.filter(is_plain)) {
             (Some((name, _)), Some(value)) => {
                 settings.insert((*name).to_owned(), value);
             }
@@ -561,10 +562,10 @@ impl Viewer {
             let is_step = run.last().spp == run.spp && began >= due;
             let shows = run.spp >= 2 * sampling.net_size && is_step;
             if film.unsampled() == 0 && (shows || is_last) {
-                let known =
+                let point =
                     |p: &CurvePoint| Some((p.seconds, p.rmse? / p.mean));
                 let curve: Vec<_> =
-                    run.curve.iter().filter_map(known).collect();
+                    run.curve.iter().filter_map(point).collect();
                 let method = sampling.method.to_string();
                 let about = json!({
                     "spp": run.spp, "curve": curve, "method": method,
@@ -869,10 +870,11 @@ mod tests {
             overcast -s 7 -r0.5 -rwall=1 --fov 30 -d9x7 --ground";
         let mut words = line.split(' ').map(str::to_owned).collect();
         let settings = begin(&mut words);
-        let all = settings.iter().map(|(name, value)| name.clone() + value);
-        let all: Vec<_> = all.collect();
+        let typed =
+            settings.iter().map(|(name, value)| name.clone() + value);
+        let typed: Vec<_> = typed.collect();
         let taken = "--skyovercast --viewtop -F30 -d9x7 -p1,2,3 -r0.5";
-        assert_eq!(all.join(" "), taken);
+        assert_eq!(typed.join(" "), taken);
         let left = "--materials -r floor=0.2 -s 7 -rwall=1 --ground";
         assert_eq!(words.join(" "), left);
     }

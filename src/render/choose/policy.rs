@@ -90,13 +90,13 @@ impl Setup<'_> {
         request: &Request,
         saved: Option<Sampling>,
     ) -> (Sampling, Option<Choice>) {
-        let known = self
+        let only = self
             .analysis
             .known_pixels
             .is_all()
             .then_some(Method::Reference);
         let begun = saved.map(|saved| saved.method);
-        let wanted = request.method.or(begun).or(known);
+        let wanted = request.method.or(begun).or(only);
         // Say whether a pilot is needed
         let asks = match wanted {
             None => true,
