@@ -320,12 +320,8 @@ fn view(
 
 /// Says where a camera stands that nobody has placed.
 fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
-    let (Some(framing), Some(camera)) =
-        (subject.sensed.camera(), plan.camera())
-    else {
-        return;
-    };
-    if let Stand::At(..) = camera.stand {
+    let Some(framing) = subject.sensed.camera() else { return };
+    if plan.camera().is_none_or(CameraPlan::is_placed) {
         return;
     }
     let View { position, target, up, .. } = framing.view;

@@ -90,11 +90,8 @@ impl Setup<'_> {
         request: &Request,
         saved: Option<Sampling>,
     ) -> (Sampling, Option<Choice>) {
-        let only = self
-            .analysis
-            .known_pixels
-            .is_all()
-            .then_some(Method::Reference);
+        let is_known = self.analysis.known_pixels.is_all();
+        let only = is_known.then_some(Method::Reference);
         let begun = saved.map(|saved| saved.method);
         let wanted = request.method.or(begun).or(only);
         // Say whether a pilot is needed
