@@ -106,7 +106,8 @@ fn recognise(file: &mut (impl BufRead + Seek)) -> Result<()> {
     let mut start = file.by_ref().take(MAGIC.len() as u64);
     start.read_to_end(&mut magic).map_err(unreadable)?;
     if magic != MAGIC {
-        let fault = "is not a checkpoint (.litpt) of this version of pt";
+        let fault =
+            "is not a checkpoint of this version of pt, a .litpt file";
         return Err(fault.into());
     }
     // Compare the checksum with the content
