@@ -194,7 +194,7 @@ pub struct LimitOptions {
 
     /// Which error --error limits: rms over pixels, or max
     #[arg(
-        long,
+        long = "error-norm",
         alias = "error-of",
         value_name = "rms|max",
         default_value = "rms",
@@ -204,7 +204,7 @@ pub struct LimitOptions {
         value_parser = PossibleValuesParser::new(["rms", "max"])
             .map(|norm| norm == "max")
     )]
-    pub error_norm: bool,
+    pub largest: bool,
 
     /// Sampling method: reference, paths of independent numbers; sobol, the same
     /// paths placed by scrambled nets; gather, into a corrected cache of

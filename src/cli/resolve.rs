@@ -172,8 +172,8 @@ impl Options {
 
     /// Takes when the run ends, and which part of it there is.
     fn limit(&self, plan: &mut Plan) {
-        let &LimitOptions { samples, time, error, .. } = &self.limits;
-        let largest = self.limits.error_norm;
+        let &LimitOptions { samples, time, error, largest, .. } =
+            &self.limits;
         let norm =
             |(error, relative)| (error, ErrorNorm { relative, largest });
         if samples.is_some() || time.is_some() || error.is_some() {
