@@ -62,18 +62,19 @@ impl Camera {
         if !(fov > 0. && fov < 180.) {
             let fault = format!(
                 "the field of view {fov} is not strictly between 0 and \
-                 180 degrees (-F)"
+                 180 degrees"
             );
             return Err(Error::value("fov", fov, fault));
         }
         // Refuse what is not finite
-        let mut vectors = [position, target, up].into_iter();
-        if let Some(vector) = vectors.find(|v| !v.is_finite()) {
+        let vectors =
+            [("position", position), ("target", target), ("up", up)];
+        let is_odd = |(_, vector): &(_, DVec3)| !vector.is_finite();
+        if let Some((name, vector)) = vectors.into_iter().find(is_odd) {
             let vector = typed(vector);
-            let fault = format!(
-                "the camera's vector {vector} is not finite (-p, -t, -u)"
-            );
-            return Err(Error::value("view", vector, fault));
+            let fault =
+                format!("the camera's vector {vector} is not finite");
+            return Err(Error::value(name, vector, fault));
         }
         // Find the directions ahead and right
         let view = match target - position {
@@ -84,7 +85,7 @@ impl Camera {
             let target = typed(target);
             let fault = format!(
                 "the camera's target is its own position {target}; move \
-                 one of them (-p, -t)"
+                 one of them"
             );
             return Err(Error::value("target", target, fault));
         }

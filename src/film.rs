@@ -24,4 +24,5 @@ mod tile;
 pub use errors::{ErrorNorm, NEIGHBOUR_WEIGHT, Summary};
 pub(crate) use sums::add_halves;
 pub use sums::{Film, FilmTile, HalfBuffers, Watch, add_value};
-pub use tile::{SIDE, Tile, Window, digits, parse_size, tile_height};
+pub use tile::{MAX_SIDE, SIDE, Tile, Window};
+pub use tile::{digits, parse_size, tile_height};

@@ -63,7 +63,7 @@ impl Inputs {
     /// A file cannot be read, or has not what it should.
     pub fn read(plan: &Plan, host: Host) -> Result<Self> {
         let began = Instant::now();
-        let leads = host.ranks.place().0 == 0;
+        let leads = host.ranks.rank_and_size().0 == 0;
         let load = |path: &Path, is_scene| {
             let bytes = if leads {
                 read_bytes(path, is_scene, host)?
@@ -187,7 +187,7 @@ pub(crate) fn in_first_rank<T: Serialize + DeserializeOwned>(
     host: Host,
     find: impl FnOnce() -> Result<T>,
 ) -> Result<T> {
-    let (rank, size) = host.ranks.place();
+    let (rank, size) = host.ranks.rank_and_size();
     if size == 1 {
         return find();
     }

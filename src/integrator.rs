@@ -76,7 +76,7 @@ pub trait Renderer {
     }
 
     /// What each rank has done so far; nothing if there is one process.
-    fn shares(&self) -> &[Share] {
+    fn shares(&self) -> &[RankStats] {
         &[]
     }
 
@@ -88,7 +88,7 @@ pub trait Renderer {
 
 /// What one rank of a run has done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Share {
+pub struct RankStats {
     /// Paths, that is samples of single pixels.
     pub paths: u64,
     /// Seconds in which it rendered.
@@ -106,7 +106,7 @@ pub struct Share {
 /// The processes that learn the same, each a part of it.
 pub trait Communicator: Sync {
     /// The place of this process among all, and their number.
-    fn place(&self) -> (usize, usize) {
+    fn rank_and_size(&self) -> (usize, usize) {
         (0, 1)
     }
 

@@ -75,7 +75,7 @@ pub enum Sensed {
     /// Receivers.
     Receivers {
         /// Which ones.
-        receivers: Asked,
+        receivers: ReceiverSource,
         /// How many of them may have a value.
         count: u32,
     },
@@ -97,7 +97,7 @@ pub struct Framing {
 /// Which receivers are asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Asked {
+pub enum ReceiverSource {
     /// The points of a file with this SHA-256.
     Points(String),
     /// The faces of the scene, on these sides.

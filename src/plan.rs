@@ -23,6 +23,7 @@
 //! ```
 
 use std::ffi::OsString;
+use std::fmt::Display;
 use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 
@@ -33,7 +34,7 @@ use crate::bvh::Isa;
 use crate::camera::{View, Viewpoint};
 use crate::compare::display::Exposure;
 use crate::error::{Error, Result};
-use crate::film::{SIDE, Window};
+use crate::film::{MAX_SIDE, SIDE, Window};
 use crate::image::Format;
 use crate::key::{Part, whole_window};
 use crate::materials::Band;
@@ -295,30 +296,29 @@ impl CameraPlan {
     /// Whether there is such an image.
     fn check(&self) -> Result<()> {
         let (width, height) = self.resolution;
-        let name = format!("{width}x{height}");
+        let size = format!("{width}x{height}");
         let is_side = |n| (1..=MAX_SIDE).contains(&n);
         let is_image = is_side(width) && is_side(height);
-        require(is_image, "resolution", name, "sides from 1 to 16384")?;
+        let wanted = "expected sides from 1 to 16384";
+        require(is_image, "resolution", &size, wanted)?;
         let window = self.window();
         let Window { corner: (x, y), size: (w, h) } = window;
         let fits = |at, n, side| at < side && 0 < n && n <= side - at;
         let is_within = fits(x, w, width) && fits(y, h, height);
-        require(is_within, "crop", String::from(window), "in the image")
+        let beyond =
+            format!("does not lie within the image of {size} pixels");
+        require(is_within, "crop", String::from(window), &beyond)
     }
 }
 
-/// The pixels of a side of an image, at most.
-const MAX_SIDE: u32 = 16384;
-
-/// Refuses a value that is not valid, which is what is expected in words.
-fn require(
+/// Refuses a value that is not valid, for a reason in words.
+pub(crate) fn require(
     is_valid: bool,
     name: &'static str,
-    value: impl ToString,
-    expected: &str,
+    value: impl Display,
+    reason: &str,
 ) -> Result<()> {
-    let value = value.to_string();
-    let fault = format!("{name} {value}: expected {expected}");
+    let fault = format!("{name} {value}: {reason}");
     is_valid.then_some(()).ok_or(Error::value(name, value, fault))
 }
 
@@ -368,17 +368,6 @@ impl Plan {
         }
     }
 
-    /// The part in whole nets of so many samples.
-    pub fn part_of_nets(&self, net_size: u64) -> Option<Part> {
-        self.part.map(|part| part.rounded(net_size))
-    }
-
-    /// The number of samples to render here, if it is limited.
-    pub fn goal(&self, net_size: u64) -> Option<u64> {
-        let part = self.part_of_nets(net_size).map(|part| part.count());
-        part.or(self.budget.samples)
-    }
-
     /// Whether it can be rendered.
     ///
     /// # Errors
@@ -389,22 +378,20 @@ impl Plan {
             named.chain(self.sky.ground).chain([self.surfaces.albedo]);
         for albedo in albedos {
             let is_valid = (0. ..=1.).contains(&albedo);
-            require(is_valid, "albedo", albedo, "a number from 0 to 1")?;
+            let wanted = "expected a number from 0 to 1";
+            require(is_valid, "albedo", albedo, wanted)?;
         }
         let zenith = self.sky.zenith.unwrap_or(DVec3::Z);
         let is_direction = zenith.is_finite() && zenith != DVec3::ZERO;
-        require(
-            is_direction,
-            "zenith",
-            zenith,
-            "a finite vector, not zero",
-        )?;
+        let wanted = "expected a finite vector, not zero";
+        require(is_direction, "zenith", zenith, wanted)?;
         let Budget { samples, time, error } = self.budget;
         let (samples, time) = (samples.unwrap_or(1), time.unwrap_or(0.));
-        require(samples > 0, "samples", samples, "at least 1")?;
-        require(time >= 0., "time", time, "seconds, not less than 0")?;
+        require(samples > 0, "samples", samples, "expected at least 1")?;
+        let wanted = "expected seconds, not less than 0";
+        require(time >= 0., "time", time, wanted)?;
         let error = error.map_or(1., |(error, _)| error);
-        require(error > 0., "error", error, "greater than 0")?;
+        require(error > 0., "error", error, "expected more than 0")?;
         self.camera().map_or(Ok(()), CameraPlan::check)?;
         self.part.map_or(Ok(()), |part| self.check_part(part))
     }
@@ -414,16 +401,22 @@ impl Plan {
         let ((from, to), (k, n)) = (part.samples, part.band);
         let range = format!("{from}..{to}");
         let is_range = from <= to && to <= part.of;
-        require(is_range, "part", range, "samples of the run, in order")?;
-        let window = self.camera().map(CameraPlan::window);
-        let most = window.map_or(u32::MAX, |it| it.tile_rows(SIDE));
-        let is_band = 1 <= k && k <= n && n <= most;
+        let wanted = "expected samples of the run, in order";
+        require(is_range, "part", range, wanted)?;
+        let band = format!("{k}/{n}");
+        let is_band = 1 <= k && k <= n;
         require(
             is_band,
             "band",
-            format!("{k}/{n}"),
-            "a band of tiles, from 1",
-        )
+            &band,
+            "expected a band of tiles, from 1",
+        )?;
+        let Some(camera) = self.camera() else { return Ok(()) };
+        let rows = camera.window().tile_rows(SIDE);
+        let more = format!(
+            "the image has {rows} rows of tiles, and not more bands"
+        );
+        require(n <= rows, "band", band, &more)
     }
 
     /// The plan as a state has it, from which its files are found in any
@@ -459,8 +452,9 @@ impl Plan {
         let read =
             [Some(scene), points, cache.as_mut(), reference.as_mut()];
         let written = files.iter_mut().map(|(_, path)| path);
-        let all = read.into_iter().flatten().chain(written).chain(replaced);
-        all.filter(|name| !is_dash(name))
+        let names =
+            read.into_iter().flatten().chain(written).chain(replaced);
+        names.filter(|name| !is_dash(name))
     }
 }
 

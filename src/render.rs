@@ -21,7 +21,7 @@ use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
 use crate::film::{Film, FilmTile, HalfBuffers, Tile, Watch};
 use crate::film::{add_halves, add_value};
 use crate::integrator::{Integrator, PathEvent};
-pub use crate::integrator::{Renderer, Share};
+pub use crate::integrator::{RankStats, Renderer};
 use crate::sampler::{IndependentSampler, Sampler};
 use crate::scene::Ray;
 use crate::sensor::{Sensor, Starts};

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use crate::film::{ErrorNorm, Film, Summary};
 use crate::host::Interrupt;
 use crate::render::choose::{MIN_PATHS, samples_to_error};
-use crate::render::{Renderer, Share};
+use crate::render::{RankStats, Renderer};
 use serde::{Deserialize, Serialize};
 
 /// When a run stops, and what it is compared with.
@@ -36,7 +36,7 @@ pub struct Limits<'a> {
     /// The error to reach.
     pub error: Option<f64>,
     /// Which error that is.
-    pub measure: ErrorNorm,
+    pub norm: ErrorNorm,
     /// Stops the run when a signal arrives.
     pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
@@ -54,8 +54,8 @@ impl Limits<'_> {
 
     /// When rendering has to end if this share of the pixels has a sample.
     fn end(&self, share: f64) -> Option<Instant> {
-        let [none, all] = self.reserve;
-        let reserve = none + share.min(1.) * (all - none);
+        let [none, full] = self.reserve;
+        let reserve = none + share.min(1.) * (full - none);
         let reserve = Duration::from_secs_f64(reserve.max(0.));
         self.deadline.map(|end| end.checked_sub(reserve).unwrap_or(end))
     }
@@ -73,18 +73,6 @@ pub enum Stop {
     Error,
     /// A signal of this number has arrived.
     Signal(#[serde(skip)] i32),
-}
-
-impl Stop {
-    /// That there is no image because of this, while something was done.
-    pub fn without_image(self, doing: &str) -> String {
-        match self {
-            Stop::Signal(signal) => {
-                format!("no image: signal {signal} came while {doing}")
-            }
-            _ => format!("no image: --time ran out while {doing}"),
-        }
-    }
 }
 
 /// A step of a run: one point of the curve of error against time.
@@ -117,8 +105,8 @@ pub struct CurvePoint {
 
 impl CurvePoint {
     /// The error of a measure that is held against a target, if it is known.
-    pub fn judged(&self, measure: ErrorNorm) -> Option<f64> {
-        if measure.is_rms() { self.rmse } else { self.target_error }
+    pub fn judged(&self, norm: ErrorNorm) -> Option<f64> {
+        if norm.is_rms() { self.rmse } else { self.target_error }
     }
 }
 
@@ -145,10 +133,7 @@ pub struct Convergence {
     pub processor_seconds: Option<f64>,
     /// What each rank has done since the run was begun or resumed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub ranks: Vec<Share>,
-    /// Which error is held against a target.
-    #[serde(skip)]
-    measure: ErrorNorm,
+    pub ranks: Vec<RankStats>,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
@@ -169,9 +154,14 @@ fn true_error(film: &Film, truth: &[f64]) -> f64 {
 }
 
 impl Convergence {
-    /// Goes on with a run until a limit is reached. Calls `advance`, from
-    /// any thread, with the number of paths that are done, or of rays while
-    /// the renderer learns, and `after` when a pass has ended.
+    /// Goes on with a run until a limit is reached: the render loop, which
+    /// [`Run::render`](crate::run::Run::render), the command `pt` and `ptview`
+    /// call. It is here, and not in `Run`, since by what was done so far it
+    /// decides how long a pass lasts and when the next step is due.
+    ///
+    /// Calls `advance`, from any thread, with the number of paths that are
+    /// done, or of rays while the renderer learns, and `after` when a pass has
+    /// ended.
     pub fn run(
         &mut self,
         renderer: &mut dyn Renderer,
@@ -181,7 +171,6 @@ impl Convergence {
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
         (self.stopped, self.ranks) = (None, vec![]);
-        self.measure = limits.measure;
         let (start, before) = (limits.now(), self.seconds);
         let spent = self.processor_seconds.unwrap_or(0.);
         // Watch for signals and for the end of the time
@@ -226,9 +215,9 @@ impl Convergence {
             self.seconds = before + (now - start).as_secs_f64();
             self.ranks = renderer.shares().to_vec();
             if !self.ranks.is_empty() {
-                let all =
+                let seconds =
                     self.ranks.iter().map(|share| share.processor_seconds);
-                self.processor_seconds = Some(spent + all.sum::<f64>());
+                self.processor_seconds = Some(spent + seconds.sum::<f64>());
             }
             if self.spp >= due {
                 self.record(film, limits);
@@ -241,9 +230,8 @@ impl Convergence {
     /// next step is due.
     fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
         // Find when the next step is due
-        let needed = |error| self.needed(error, area).max(self.spp + 1);
-        let ends =
-            limits.samples.into_iter().chain(limits.error.map(needed));
+        let needed = self.needed(limits, area).map(|n| n.max(self.spp + 1));
+        let ends = limits.samples.into_iter().chain(needed);
         let due =
             ends.fold(next_step(self.last().spp.max(self.spp)), u64::min);
         // Find the time for a pass
@@ -263,17 +251,18 @@ impl Convergence {
     /// The samples after which the run is expected to stop, if its time
     /// is not over before; none if that cannot be foreseen.
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
-        let error = self.last().judged(limits.measure).and(limits.error);
-        let error = error.map(|error| self.needed(error, area));
-        let all = [limits.samples, error].into_iter().flatten();
-        all.min().map(|spp| spp.max(self.spp))
+        let last = self.last().judged(limits.norm);
+        let needed = last.and_then(|_| self.needed(limits, area));
+        let ends = [limits.samples, needed].into_iter().flatten();
+        ends.min().map(|spp| spp.max(self.spp))
     }
 
-    /// The samples after which the error is expected to be reached.
-    fn needed(&self, error: f64, area: u64) -> u64 {
-        let last = self.last().judged(self.measure);
+    /// The samples after which the error is expected to be reached, if one is
+    /// asked for.
+    fn needed(&self, limits: &Limits, area: u64) -> Option<u64> {
+        let last = self.last().judged(limits.norm);
         let spp = last.map_or(self.spp, |_| self.last().spp);
-        samples_to_error(error, (spp, last), area)
+        Some(samples_to_error(limits.error?, (spp, last), area))
     }
 
     /// Why the run should stop now, if it should; the first sample has time
@@ -294,7 +283,7 @@ impl Convergence {
         if has_all {
             return Some(Stop::Samples);
         }
-        if limits.error.is_some_and(|error| self.reaches(error, area)) {
+        if self.reaches(limits, area) {
             return Some(Stop::Error);
         }
         // Say whether the time is over or too short
@@ -309,13 +298,16 @@ impl Convergence {
 
     /// Whether the error is known to be small enough, even if there is light
     /// that no path has met yet (the rule of three).
-    fn reaches(&self, error: f64, area: u64) -> bool {
+    fn reaches(&self, limits: &Limits, area: u64) -> bool {
+        let step = self.last();
         let paths = self.spp as f64 * area as f64;
         let unseen = 3. / (paths * self.spp as f64);
-        let enough = |rmse| rmse * rmse + unseen <= error * error;
-        let step = self.last();
         let is_recent = step.spp == self.spp && paths >= MIN_PATHS;
-        is_recent && step.judged(self.measure).is_some_and(enough)
+        let errors = limits.error.zip(step.judged(limits.norm));
+        is_recent
+            && errors.is_some_and(|(target, rmse)| {
+                rmse * rmse + unseen <= target * target
+            })
     }
 
     /// Records a point, if there has been a pass since the last one.
@@ -328,8 +320,8 @@ impl Convergence {
         let Summary { mean, mean_stderr, rmse, constant } = film.summary();
         self.constant_pixels = constant;
         let finite = |x: f64| x.is_finite().then_some(x);
-        let &Limits { measure, reference, .. } = limits;
-        let judged = (!measure.is_rms()).then(|| film.error(measure));
+        let &Limits { norm, reference, .. } = limits;
+        let judged = (!norm.is_rms()).then(|| film.error(norm));
         let truth = reference.filter(|_| spp > 0);
         self.curve.push(CurvePoint {
             spp,

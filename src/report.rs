@@ -80,15 +80,15 @@ impl Kind {
 }
 
 fn json(report: &Report) -> String {
-    let mut all = json!(report);
+    let mut object = json!(report);
     let [seconds, spp] = report.slopes();
-    all["slope_seconds"] = json!(seconds);
-    all["slope_spp"] = json!(spp);
+    object["slope_seconds"] = json!(seconds);
+    object["slope_spp"] = json!(spp);
     let last = report.convergence.last();
-    all["mean"] = json!(last.mean);
-    all["mean_stderr"] = json!(last.mean_stderr);
-    all["rmse"] = json!(last.rmse);
-    format!("{all:#}\n")
+    object["mean"] = json!(last.mean);
+    object["mean_stderr"] = json!(last.mean_stderr);
+    object["rmse"] = json!(last.rmse);
+    format!("{object:#}\n")
 }
 
 /// A header, and a row for each point; what is not known is empty.

@@ -38,7 +38,7 @@ use crate::inputs::in_first_rank;
 use crate::integrator::gather::Learnt;
 use crate::key::RunKey;
 use crate::memory::zeroed;
-use crate::plan::{Budget, Plan, Product};
+use crate::plan::{Budget, Plan, Product, require};
 use crate::render::Renderer;
 use crate::render::choose::samples_if_known;
 use crate::render::choose::{Choice, Method, Request, Sampling};
@@ -101,7 +101,7 @@ impl<'a> Run<'a> {
         host: Host<'a>,
     ) -> Result<Self> {
         host.enter("choosing a method", None);
-        let before = history.state.as_ref().map(|s| &s.known.run_key);
+        let before = history.state.as_ref().map(|s| &s.record.run_key);
         let mut choice = None;
         let key = in_first_rank(host, || {
             let sampling = before.map(|key| key.sampling);
@@ -112,7 +112,7 @@ impl<'a> Run<'a> {
             Ok(run_key(plan, world, sampling, filtered))
         })?;
         let learnt = learnt_before(plan, &key, history, host)?;
-        Ok(Self::with(world, plan, host, (key, choice, learnt)))
+        Ok(Self::with(world, plan, host, key, choice, learnt))
     }
 
     /// A run of this key, which has learnt that.
@@ -120,15 +120,12 @@ impl<'a> Run<'a> {
         world: &'a World,
         plan: &'a Plan,
         host: Host<'a>,
-        (key, choice, learnt): (
-            RunKey,
-            Option<Choice>,
-            Arc<OnceLock<Learnt>>,
-        ),
+        key: RunKey,
+        choice: Option<Choice>,
+        learnt: Arc<OnceLock<Learnt>>,
     ) -> Self {
-        let known = learnt.clone();
-        let renderer =
-            world.setup().renderer(&key.sampling, known, host.ranks);
+        let (setup, shared) = (world.setup(), learnt.clone());
+        let renderer = setup.renderer(&key.sampling, shared, host.ranks);
         Self { plan, world, host, key, choice, learnt, renderer }
     }
 
@@ -138,23 +135,20 @@ impl<'a> Run<'a> {
         plan: &'a Plan,
         host: Host<'a>,
     ) -> Self {
-        let request = Request {
-            method: plan.method,
-            seed: plan.seed,
-            window: world.subject.sensed.window(),
-            budget: Budget::samples(64),
-            left: None,
-        };
+        let budget = Budget::samples(64);
+        let request =
+            Request { left: None, budget, ..request(plan, world, host) };
         let (sampling, choice) = world.setup().decide(&request, None);
         let sampling = sampling.for_display();
         let filtered = sampling.method != Method::Reference;
         let key = run_key(plan, world, sampling, filtered);
-        Self::with(world, plan, host, (key, choice, Arc::default()))
+        Self::with(world, plan, host, key, choice, Arc::default())
     }
 
     /// The samples of each pixel to render here, if they are limited.
     pub fn goal(&self) -> Option<u64> {
-        self.plan.goal(self.key.sampling.net_size)
+        let part = self.key.part.map(|part| part.count());
+        part.or(self.plan.budget.samples)
     }
 
     /// The film and what it has so far: nothing yet, or what is saved.
@@ -210,13 +204,13 @@ impl<'a> Run<'a> {
 
     /// The limits that the plan sets.
     pub fn limits(&self) -> Limits<'a> {
-        let known = samples_if_known(&self.world.analysis);
-        let (error, measure) = self.plan.budget.error.unzip();
+        let enough = samples_if_known(&self.world.analysis);
+        let (error, norm) = self.plan.budget.error.unzip();
         Limits {
-            samples: self.goal().or(known),
+            samples: self.goal().or(enough),
             deadline: self.plan.budget.deadline(self.host.start),
             error,
-            measure: measure.unwrap_or_default(),
+            norm: norm.unwrap_or_default(),
             ..Limits::default()
         }
     }
@@ -225,50 +219,56 @@ impl<'a> Run<'a> {
     /// in the file, from 0, in words; a gather learns first.
     ///
     /// # Errors
-    /// There is no such pixel or receiver, or it has no value.
+    /// There is no such pixel or receiver, or it has no value; or the run has
+    /// no such sample of it.
     pub fn trace_sample(
         &mut self,
         (x, y): (u32, u32),
         n: u64,
     ) -> Result<String> {
         let World { bvh, frame, .. } = self.world;
-        let window = self.key.windows()[0];
         let row = match self.world.table() {
-            Some((_, all)) => all.numbers.iter().position(|&it| it == y),
+            Some((_, receivers)) => {
+                receivers.numbers.iter().position(|&it| it == y)
+            }
             None => Some(y as usize),
         };
-        let (left, top) = window.corner;
-        let (right, bottom) = window.end();
-        let row = row.map(|row| row as u32);
-        let row = row.filter(|row| (top..bottom).contains(row));
-        // A net is numbered from its first sample on.
-        let is_number = n < u64::MAX / 2;
-        let column = (left..right).contains(&x).then_some(x);
-        let column = column.filter(|_| is_number);
-        let Some(pixel) = column.zip(row) else {
-            let fault =
-                format!("--sample {x},{y}: nothing is rendered there");
-            return Err(Error::value("sample", format!("{x},{y}"), fault));
-        };
-        if self.key.sampling.method == Method::Gather {
+        let row = row.map_or(u32::MAX, |row| row as u32);
+        let [window, _] = self.key.windows();
+        let ((left, top), (right, bottom)) = (window.corner, window.end());
+        let is_there =
+            (left..right).contains(&x) && (top..bottom).contains(&row);
+        let sample = format!("{x},{y},{n}");
+        require(is_there, "sample", &sample, "nothing is rendered there")?;
+        // Trace a sample that the run has
+        let RunKey { sampling, part, .. } = self.key;
+        if sampling.method == Method::Gather {
             self.renderer.learn(&self.key.film(), &|_| true);
         }
         let setup = self.world.setup();
         let trace =
-            setup.trace_sample(&self.key.sampling, &self.learnt, pixel, n);
-        let text = trace.map(|trace| trace.text(bvh, frame));
-        Ok(text.unwrap_or("nothing was learnt\n".to_owned()))
+            setup.trace_sample(&sampling, &self.learnt, (x, row), n);
+        let Some(trace) = trace else {
+            return Ok("nothing was learnt\n".to_owned());
+        };
+        let whole = (0, self.plan.budget.samples.unwrap_or(u64::MAX));
+        let (from, end) = part.map_or(whole, |part| part.samples);
+        let nets =
+            from / sampling.net_size..end.div_ceil(sampling.net_size);
+        let net = trace.scramble.map(|scramble| scramble.number);
+        let has = nets.contains(&net.unwrap_or(n / sampling.net_size));
+        require(has, "sample", &sample, "the run has no such sample")?;
+        Ok(trace.text(bvh, frame))
     }
 
     /// The report of the run, which has not begun.
     pub fn report(&self) -> Report {
         let Self { plan, world, key, .. } = self;
         let samples = key.part.map(|part| part.count());
-        let (error, measure) = plan.budget.error.unzip();
+        let (error, norm) = plan.budget.error.unzip();
         let reference = plan.reference.as_ref();
         let settings = Settings {
             subject: Some(key.subject.clone()),
-            hierarchy: Some(world.quality.clone()),
             seed: key.sampling.seed,
             spp: samples.or(plan.budget.samples),
             time: plan.budget.time,
@@ -279,23 +279,20 @@ impl<'a> Run<'a> {
             integrator: key.sampling.method,
             choice: self.choice.as_ref().map(ToString::to_string),
             part: key.part,
-            missing: None,
+            ..world.report.settings.clone()
         };
         let mut report = Report {
-            scene: world.file.clone(),
             settings,
             left_out: world.analysis.left_out().cloned().collect(),
-            load_seconds: world.seconds[0],
-            build_seconds: world.seconds[1],
-            light: world.light.clone(),
-            measure: measure.unwrap_or_default(),
-            ..Report::default()
+            norm: norm.unwrap_or_default(),
+            ..world.report.clone()
         };
         report.sign("pt");
         report
     }
 
-    /// Renders until a limit of the plan is reached, or the run is cancelled.
+    /// Renders until a limit of the plan is reached, or the run is cancelled,
+    /// by the render loop, which is [`Convergence::run`].
     ///
     /// # Errors
     /// There is too little memory.
@@ -337,8 +334,8 @@ impl Rendering<'_> {
     /// the radiance of pixels in units of that of the uniform sky.
     pub fn values(&self) -> Vec<[f64; 2]> {
         let film = &self.film;
-        if let Some((table, all)) = self.world.table() {
-            let values = table.values(all, film, None).into_iter();
+        if let Some((table, receivers)) = self.world.table() {
+            let values = table.values(receivers, film, None).into_iter();
             return values.map(|(pair, _)| pair.map(f64::from)).collect();
         }
         let errors = film.errors(NEIGHBOUR_WEIGHT, film.window);
@@ -366,11 +363,25 @@ fn run_key(
     RunKey {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         integrator: sampling.identity(),
-        scene_sha256: world.file.sha256.clone(),
+        scene_sha256: world.report.scene.sha256.clone(),
         subject: world.subject.clone(),
         sampling,
-        part: plan.part_of_nets(sampling.net_size),
+        part: plan.part.map(|part| part.rounded(sampling.net_size)),
         filtered,
+    }
+}
+
+/// What is asked of a run that has begun.
+fn request(plan: &Plan, world: &World, host: Host) -> Request {
+    let deadline = plan.budget.deadline(host.start);
+    Request {
+        method: plan.method,
+        seed: plan.seed,
+        window: world.subject.sensed.window(),
+        budget: plan.budget,
+        left: deadline.map(|end| {
+            end.saturating_duration_since(Instant::now()).as_secs_f64()
+        }),
     }
 }
 
@@ -382,23 +393,14 @@ fn method(
     saved: Option<Sampling>,
     host: Host,
 ) -> (Sampling, Option<Choice>) {
-    let deadline = plan.budget.deadline(host.start);
-    let request = Request {
-        method: plan.method,
-        seed: plan.seed,
-        window: world.subject.sensed.window(),
-        budget: plan.budget,
-        left: deadline.map(|end| {
-            end.saturating_duration_since(Instant::now()).as_secs_f64()
-        }),
-    };
+    let request = request(plan, world, host);
     let (sampling, choice) = world.setup().decide(&request, saved);
     // Warn if it is not the method that is asked for
     let (wanted, chosen) = (request.method, sampling.method);
     let wanted = wanted.or(saved.map(|saved| saved.method));
     if let Some(wanted) = wanted.filter(|&wanted| wanted != chosen) {
         host.warn(format!(
-            "--time leaves too little for a first sample of each pixel \
+            "the time leaves too little for a first sample of each pixel \
              by {wanted}: the method is {chosen}"
         ));
     }
@@ -433,20 +435,21 @@ fn learnt_before(
     host: Host,
 ) -> Result<Arc<OnceLock<Learnt>>> {
     let own = history.state.as_ref();
-    let mut found = own.map(|s| s.known.learnt.clone()).unwrap_or_default();
+    let mut found =
+        own.map(|s| s.record.learnt.clone()).unwrap_or_default();
     if let (Some(path), Some(cache)) = (&plan.cache, &history.cache) {
-        let mut known = cache.known.clone();
-        known.run_key.part = key.part;
-        let belongs = known.belongs_to(key);
+        let mut record = cache.record.clone();
+        record.run_key.part = key.part;
+        let belongs = record.belongs_to(key);
         belongs.map_err(|fault| fault.of_file(path))?;
-        found = known.learnt;
+        found = record.learnt;
         if found.get().is_none() && key.sampling.method == Method::Gather {
             let fault = Error::from("holds nothing learnt");
             return Err(fault.of_file(path));
         }
     }
     // Tell the other processes
-    let (rank, size) = host.ranks.place();
+    let (rank, size) = host.ranks.rank_and_size();
     if size == 1 {
         return Ok(found);
     }

@@ -12,8 +12,6 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::analysis::LitView;
-use crate::bvh::Bvh;
 use crate::compare::display::{AUTO_EXPOSURE, Curve, Exposure};
 use crate::compare::display::{auto_stops, cut_out};
 use crate::compare::display::{seeming_surfaces, tonemap};
@@ -26,9 +24,8 @@ use crate::output::OutputTarget;
 use crate::plan::{Outputs, Product};
 use crate::render_loop::Convergence;
 use crate::report::{Kind, Report, as_typed};
-use crate::sensor::Receivers;
-use crate::sensor::table::Table;
-use crate::state::checkpoint::{Known, save};
+use crate::state::checkpoint::{RunRecord, save};
+use crate::world::World;
 
 /// A file of a run.
 struct RunFile {
@@ -46,14 +43,13 @@ pub struct RunOutput<'a> {
     /// Time between two checkpoints.
     every: Duration,
     /// What is known of the run, which goes into the files.
-    pub known: Known,
+    pub record: RunRecord,
+    /// By how much PNG files are brighter, if that is said.
+    exposure: Option<Exposure>,
+    /// What is shown; none if it is a sum of parts.
+    world: Option<&'a World>,
     /// What the pixels show, if there is a camera.
     hits: OnceCell<FirstHits>,
-    scene: Option<(&'a Bvh, &'a LitView<'a>)>,
-    /// By how much PNG files are brighter, if that is said.
-    pub exposure: Option<Exposure>,
-    /// The receivers, if there are any, and their table.
-    pub table: Option<(&'a Table, &'a Receivers)>,
 }
 
 impl RunFile {
@@ -68,17 +64,17 @@ impl RunFile {
 /// The names and values of what is written as an object, as the attributes of
 /// an image.
 pub fn attributes(value: &impl Serialize) -> BTreeMap<String, String> {
-    let all = entries(value).into_iter();
-    all.map(|(name, value)| (name, as_typed(&value))).collect()
+    let named = entries(value).into_iter();
+    named.map(|(name, value)| (name, as_typed(&value))).collect()
 }
 
 impl<'a> RunOutput<'a> {
-    /// The files of a run that is about to begin.
+    /// The files of a run that is about to begin, of a world if it is there.
     pub fn new(
         files: Vec<(Product, OutputTarget)>,
         outputs: &Outputs,
-        known: Known,
-        scene: Option<(&'a Bvh, &'a LitView<'a>)>,
+        record: RunRecord,
+        world: Option<&'a World>,
     ) -> Self {
         let now = Instant::now();
         let &Outputs { checkpoint_interval, preview, exposure, .. } =
@@ -95,8 +91,8 @@ impl<'a> RunOutput<'a> {
             RunFile { product, target, due, seconds: 0. }
         };
         let files = files.into_iter().map(file).collect();
-        let (hits, table) = (OnceCell::new(), None);
-        Self { files, every, known, hits, scene, exposure, table }
+        let hits = OnceCell::new();
+        Self { files, every, record, exposure, world, hits }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -110,9 +106,10 @@ impl<'a> RunOutput<'a> {
         film: &Film,
         now: Option<Instant>,
     ) -> Result<()> {
-        let &mut Self { scene, exposure, table, .. } = self;
-        let Self { files, every, known, hits, .. } = self;
-        known.report.convergence.clone_from(convergence);
+        let &mut Self { world, exposure, .. } = self;
+        let Self { files, every, record, hits, .. } = self;
+        let camera = world.filter(|world| world.table().is_none());
+        record.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
             now.is_none_or(|now| file.is_due(now, convergence))
         };
@@ -121,28 +118,30 @@ impl<'a> RunOutput<'a> {
         // Filter the image if a file shows it
         let began = Instant::now();
         let shows = due.iter().any(|product| product.is_picture());
-        let is_shown = known.run_key.filtered && shows;
-        let trace = |(bvh, view)| FirstHits::trace(bvh, view, film.window);
-        let hits = || scene.map(|scene| hits.get_or_init(|| trace(scene)));
+        let is_shown = record.run_key.filtered && shows;
+        let trace = |world: &World| {
+            FirstHits::trace(&world.bvh, &world.view(), film.window)
+        };
+        let hits = || camera.map(|world| hits.get_or_init(|| trace(world)));
         let guide = is_shown.then(hits).flatten();
         let filtered = guide.and_then(|hits| Filtered::of(film, hits));
-        known.report.picture = filtered.as_ref().map(|f| f.error);
+        record.report.picture = filtered.as_ref().map(|f| f.error);
         let filtering = began.elapsed();
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
         let [stops, auto] =
-            expose(&mut known.report, exposure, (film, scene), &due);
+            expose(&mut record.report, exposure, (film, camera), &due);
         // Cut the scene out of its background
         let has = |format| due.contains(&Product::Image(format));
-        let background = known.run_key.subject.sky.background;
+        let background = record.run_key.subject.sky.background;
         let cut =
             background.filter(|_| has(Format::Png) || has(Format::Exr));
         let cut =
             cut.filter(|_| film.unsampled() == 0).and_then(|_| hits());
         let opacity = cut.and_then(|hits| hits.opacity.as_deref());
-        let known = &*known;
+        let record = &*record;
         let shown =
-            Shown { known, film, filtered, opacity, stops, auto, table };
-        let report = LazyCell::new(|| known.report.complete(film));
+            Shown { record, film, world, filtered, opacity, stops, auto };
+        let report = LazyCell::new(|| record.report.complete(film));
         let mut failures = vec![];
         for file in files.iter_mut().filter(|file| is_due(file)) {
             // Write or rewrite one file
@@ -195,12 +194,12 @@ impl<'a> RunOutput<'a> {
         let is_saved = self.files.iter().any(is_state);
         let none = if is_saved { state } else { 0. } + 0.15 * files;
         let threads = rayon::current_num_threads() as f64;
-        let is_filtered = self.known.run_key.filtered;
+        let is_filtered = self.record.run_key.filtered;
         let filter = if is_filtered { 5000. / threads } else { 0. };
-        let is_cut = self.known.run_key.subject.sky.background.is_some();
+        let is_cut = self.record.run_key.subject.sky.background.is_some();
         let cut = if is_cut { 5000. / threads } else { 0. };
-        let all = summary + files + filter + cut;
-        [none, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
+        let most = summary + files + filter + cut;
+        [none, most].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
     }
 }
 
@@ -209,12 +208,14 @@ impl<'a> RunOutput<'a> {
 fn expose(
     report: &mut Report,
     exposure: Option<Exposure>,
-    (film, scene): (&Film, Option<(&Bvh, &LitView)>),
+    (film, camera): (&Film, Option<&World>),
     due: &[Product],
 ) -> [Option<f64>; 2] {
     let has = |wanted| due.contains(&wanted);
-    let auto = LazyCell::new(|| match scene {
-        Some((bvh, view)) => auto_stops(surface_means(bvh, view, film)),
+    let auto = LazyCell::new(|| match camera {
+        Some(world) => {
+            auto_stops(surface_means(&world.bvh, &world.view(), film))
+        }
         None => {
             let pixels = film.rows().map(|p| (p.mean(), p.variance()));
             auto_stops(seeming_surfaces(pixels))
@@ -238,14 +239,14 @@ fn expose(
 
 /// What the files of one moment show.
 struct Shown<'f> {
-    known: &'f Known,
+    record: &'f RunRecord,
     film: &'f Film,
+    world: Option<&'f World>,
     filtered: Option<&'f Image>,
     opacity: Option<&'f [f64]>,
     /// The stops by which a PNG is brighter, and those that an EXR names.
     stops: Option<f64>,
     auto: Option<f64>,
-    table: Option<(&'f Table, &'f Receivers)>,
 }
 
 impl Shown<'_> {
@@ -256,83 +257,81 @@ impl Shown<'_> {
         report: &Report,
         out: &mut dyn Write,
     ) -> io::Result<()> {
-        let &Self { known, film, filtered, opacity, stops, .. } = self;
-        let image = || picture(known, film, (filtered, opacity), self.auto);
-        let shown =
-            || filtered.map_or_else(|| image().image(), Image::clone);
+        let &Self { record, film, filtered, opacity, stops, .. } = self;
+        let shown = || match filtered {
+            Some(image) => image.clone(),
+            None => self.picture().image(),
+        };
         match product {
             Product::Image(Format::Png) => {
                 // Write a PNG
-                let background = known.run_key.subject.sky.background;
-                match (filtered, opacity.is_some() || stops.is_some()) {
-                    (_, true) => {
-                        let opacity =
-                            opacity.map(|a| (OPACITY, a.to_vec()));
-                        let shown = Image {
-                            more: Vec::from_iter(opacity),
-                            ..shown()
-                        };
-                        let cut = cut_out(shown, background.unwrap_or(0.));
-                        let stops = stops.unwrap_or(0.);
-                        let grey = tonemap(&cut, stops, Curve::Clamp);
-                        Format::Png.write(&grey, out)
-                    }
-                    (Some(shown), _) => Format::Png.write(shown, out),
-                    (None, _) => Format::Png.write(&image(), out),
+                if opacity.is_none() && stops.is_none() {
+                    return match filtered {
+                        Some(image) => Format::Png.write(image, out),
+                        None => Format::Png.write(&self.picture(), out),
+                    };
                 }
+                let more =
+                    opacity.map(|opacity| (OPACITY, opacity.to_vec()));
+                let shown = Image { more: Vec::from_iter(more), ..shown() };
+                let background = record.run_key.subject.sky.background;
+                let cut = cut_out(shown, background.unwrap_or(0.));
+                let grey = tonemap(&cut, stops.unwrap_or(0.), Curve::Clamp);
+                Format::Png.write(&grey, out)
             }
-            Product::Image(format) => format.write(&image(), out),
+            Product::Image(format) => format.write(&self.picture(), out),
             Product::Report(kind) => {
                 write!(out, "{}", kind.render(report, &shown))
             }
             Product::Table(format) => {
-                let own = known.allocation();
-                let table = self.table;
-                table.map_or(Ok(()), |(table, all)| {
-                    table.write(format, all, film, own, out)
-                })
+                let Some((table, receivers)) =
+                    self.world.and_then(World::table)
+                else {
+                    return Ok(());
+                };
+                let counts = record.allocation();
+                table.write(format, receivers, film, counts, out)
             }
-            Product::State => save(known, film, out),
+            Product::State => save(record, film, out),
         }
     }
-}
 
-/// The image on the film, with all that is known about it.
-fn picture<'f>(
-    known: &'f Known,
-    film: &'f Film,
-    (filtered, opacity): (Option<&'f Image>, Option<&'f [f64]>),
-    auto: Option<f64>,
-) -> Picture<'f> {
-    let Known { run_key, report, .. } = known;
-    let allocation = known.allocation();
-    let Convergence { spp, rays, seconds, stopped, .. } =
-        report.convergence;
-    let known = json!({
-        "scene": report.scene.file,
-        "spp": spp,
-        "rays": rays,
-        "load_seconds": report.load_seconds,
-        "build_seconds": report.build_seconds,
-        "render_seconds": seconds,
-        "stopped": stopped.map_or(json!("not yet"), |stop| json!(stop)),
-    });
-    let mut all = entries(&report.settings);
-    all.retain(|_, value| !value.is_null());
-    all.extend(entries(run_key));
-    all.extend(entries(&known));
-    all.extend(auto.map(|stops| (AUTO_EXPOSURE.to_owned(), json!(stops))));
-    let errors = filtered.and_then(|image| image.errors.as_deref());
-    let more = [
-        (OPACITY, opacity),
-        (FILTERED[0], filtered.map(|image| &image.means[..])),
-        (FILTERED[1], errors),
-    ];
-    let more = more.into_iter().filter_map(|(n, all)| Some((n, all?)));
-    Picture {
-        film,
-        allocation,
-        more: more.collect(),
-        attributes: attributes(&all),
+    /// The image on the film, with all that is known about it.
+    fn picture(&self) -> Picture<'_> {
+        let &Self { film, filtered, opacity, .. } = self;
+        let RunRecord { run_key, report, .. } = self.record;
+        let allocation = self.record.allocation();
+        let Convergence { spp, rays, seconds, stopped, .. } =
+            report.convergence;
+        let progress = json!({
+            "scene": report.scene.file,
+            "spp": spp,
+            "rays": rays,
+            "load_seconds": report.load_seconds,
+            "build_seconds": report.build_seconds,
+            "render_seconds": seconds,
+            "stopped": stopped.map_or(json!("not yet"), |stop| json!(stop)),
+        });
+        let mut facts = entries(&report.settings);
+        facts.retain(|_, value| !value.is_null());
+        facts.extend(entries(run_key));
+        facts.extend(entries(&progress));
+        let auto = self.auto.map(|stops| json!(stops));
+        facts.extend(auto.map(|stops| (AUTO_EXPOSURE.to_owned(), stops)));
+        let errors = filtered.and_then(|image| image.errors.as_deref());
+        let more = [
+            (OPACITY, opacity),
+            (FILTERED[0], filtered.map(|image| &image.means[..])),
+            (FILTERED[1], errors),
+        ];
+        let more = more
+            .into_iter()
+            .filter_map(|(name, channel)| Some((name, channel?)));
+        Picture {
+            film,
+            allocation,
+            more: more.collect(),
+            attributes: attributes(&facts),
+        }
     }
 }

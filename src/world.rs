@@ -24,19 +24,19 @@ use glam::DVec3;
 use crate::analysis::{LitView, SHORTCUTS, SceneAnalysis};
 use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, direction, typed};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::film::{SIDE, tile_height};
 use crate::host::{Event, Host};
 use crate::image::levels::level;
 use crate::inputs::Inputs;
 use crate::integrator::gather::cache::Grid;
-use crate::key::{Asked, Framing, Sensed, Subject};
+use crate::key::{Framing, ReceiverSource, Sensed, Subject};
 use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
 use crate::plan::{
-    Budget, CameraPlan, Plan, SensorPlan, Stand, input_name,
+    Budget, CameraPlan, Plan, SensorPlan, Stand, input_name, require,
 };
-use crate::render::choose::{Setup, Vantage, expected_rays};
-use crate::report::SceneFile;
+use crate::render::choose::{Setup, expected_rays};
+use crate::report::{Report, SceneFile, Settings};
 use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
@@ -59,14 +59,9 @@ pub struct World {
     pub analysis: SceneAnalysis,
     /// What the values of receivers are written with.
     table: Option<Table>,
-    /// The file of the scene.
-    pub file: SceneFile,
-    /// The light, in words.
-    pub light: String,
-    /// How well the hierarchy is built, in words.
-    pub quality: String,
-    /// Seconds to read the scene, and to build the hierarchy of it.
-    pub seconds: [f64; 2],
+    /// What is reported of it: the file, the light, how well the hierarchy
+    /// is built, and the seconds of both.
+    pub report: Report,
 }
 
 impl World {
@@ -81,7 +76,9 @@ impl World {
     /// The receivers, if there are any, and their table.
     pub fn table(&self) -> Option<(&Table, &Receivers)> {
         match (&self.table, &self.sensor) {
-            (Some(table), Sensor::Receivers(all)) => Some((table, all)),
+            (Some(table), Sensor::Receivers(receivers)) => {
+                Some((table, receivers))
+            }
             _ => None,
         }
     }
@@ -125,7 +122,7 @@ impl World {
         let Scene { frame, triangles, left_out } = scene;
         // Build the hierarchy
         let rays = rays(plan, &subject, &sensor);
-        let rays = rays / host.ranks.place().1 as f64;
+        let rays = rays / host.ranks.rank_and_size().1 as f64;
         let quality = Quality::expecting(triangles.len(), rays);
         warn_of_size(&triangles, host);
         let total = Some(triangles.len() as u64);
@@ -136,17 +133,29 @@ impl World {
         bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
         let albedos = AlbedoTable::new(&faces, &bvh)?;
         // Put receivers in the order of their places
-        if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor)
+        if let (Some(table), Sensor::Receivers(receivers)) =
+            (&table, &mut sensor)
         {
-            let grid = Grid::around(&all.middles());
+            let grid = Grid::around(&receivers.middles());
             let has_sides =
                 plan.points().is_some() && left_out[1].is_empty();
             let around = (&bvh, &frame, subject.sky.zenith, has_sides);
-            all.order(around, |hit| grid.order(hit));
-            let odd = table.odd(all, |why, _| why != INSIDE);
+            receivers.order(around, |hit| grid.order(hit));
+            let odd = table.odd(receivers, |why, _| why != INSIDE);
             host.warn_all(&table.file, odd);
-            check_receivers(plan, table, all.count(), &mut subject)?;
+            check_receivers(plan, table, receivers.count(), &mut subject)?;
         }
+        let settings = Settings {
+            hierarchy: Some(quality.to_string()),
+            ..Settings::default()
+        };
+        let report = Report {
+            scene: file,
+            settings,
+            load_seconds: seconds,
+            light,
+            ..Report::default()
+        };
         let mut world = Self {
             subject,
             sensor,
@@ -156,13 +165,10 @@ impl World {
             left_out,
             analysis: SceneAnalysis::default(),
             table,
-            file,
-            light,
-            quality: quality.to_string(),
-            seconds: [seconds, 0.],
+            report,
         };
         world.analyse(plan, host);
-        world.seconds[1] = began.elapsed().as_secs_f64();
+        world.report.build_seconds = began.elapsed().as_secs_f64();
         Ok(world)
     }
 
@@ -239,7 +245,7 @@ fn asked(
     plan: &Plan,
     inputs: &Inputs,
     albedos: &FaceAlbedos,
-) -> Option<(Asked, Table)> {
+) -> Option<(ReceiverSource, Table)> {
     let (mut mesh, mut albedo_of) = (inputs.mesh.clone(), None);
     let (mut file, mut backs) = (plan.scene_name(), Side::Front.backs());
     let (asked, shape) = match &plan.sensor {
@@ -247,14 +253,17 @@ fn asked(
         SensorPlan::Points(path) => {
             (file, mesh) = (input_name(path), Mesh::default());
             let hash = inputs.points_sha256.clone();
-            (Asked::Points(hash), Shape::Points(inputs.points.clone()))
+            (
+                ReceiverSource::Points(hash),
+                Shape::Points(inputs.points.clone()),
+            )
         }
         &SensorPlan::Faces { side, radiosity } => {
             backs = side.backs();
             albedo_of = radiosity.then(|| albedos.clone());
-            (Asked::Faces(side), Shape::Faces(mesh.faces()))
+            (ReceiverSource::Faces(side), Shape::Faces(mesh.faces()))
         }
-        SensorPlan::Vertices => (Asked::Vertices, Shape::Vertices),
+        SensorPlan::Vertices => (ReceiverSource::Vertices, Shape::Vertices),
     };
     let grey = |value| level(value, 255) as u8;
     let table =
@@ -267,7 +276,7 @@ fn subject(
     plan: &Plan,
     mesh: &Mesh,
     named: Named,
-    receivers: Option<Asked>,
+    receivers: Option<ReceiverSource>,
 ) -> Subject {
     let mut up = plan.up.unwrap_or(DVec3::Z);
     let zenith = match plan.sky.zenith {
@@ -286,7 +295,7 @@ fn subject(
             Sensed::Camera(Framing { resolution, crop, view })
         }
         (_, receivers) => {
-            let receivers = receivers.unwrap_or(Asked::Vertices);
+            let receivers = receivers.unwrap_or(ReceiverSource::Vertices);
             Sensed::Receivers { receivers, count: 0 }
         }
     };
@@ -311,12 +320,8 @@ fn view(
 
 /// Says where a camera stands that nobody has placed.
 fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
-    let (Some(framing), Some(camera)) =
-        (subject.sensed.camera(), plan.camera())
-    else {
-        return;
-    };
-    if let Stand::At(..) = camera.stand {
+    let Some(framing) = subject.sensed.camera() else { return };
+    if plan.camera().is_none_or(CameraPlan::is_placed) {
         return;
     }
     let View { position, target, up, .. } = framing.view;
@@ -351,10 +356,10 @@ fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
 
 /// Warns of triangles that are too small.
 fn warn_of_size(triangles: &crate::scene::Triangles, host: Host) {
-    let (count, all) = (too_small(triangles), triangles.len());
+    let (count, total) = (too_small(triangles), triangles.len());
     if count > 0 {
         host.warn(format!(
-            "{count} of {all} triangles: smaller than 2^-40 of the largest, or \
+            "{count} of {total} triangles: smaller than 2^-40 of the largest, or \
              2^-43 of the scene; close to larger ones the light may be wrong"
         ));
     }
@@ -372,20 +377,17 @@ fn camera(sensed: &Sensed, frame: &Frame) -> Result<Sensor> {
 
 /// A guess of the rays of a run.
 fn rays(plan: &Plan, subject: &Subject, sensor: &Sensor) -> f64 {
-    let (area, vantage) = match sensor {
-        Sensor::Camera(_, entrance) => {
+    let area = match sensor {
+        Sensor::Camera(..) => {
             let band = plan.part.map_or((1, 1), |part| part.band);
-            let window = subject.sensed.window().band(band, SIDE);
-            let vantage = match entrance.is_inside {
-                true => Vantage::Inside,
-                false => Vantage::Outside,
-            };
-            (window.area(), vantage)
+            subject.sensed.window().band(band, SIDE).area()
         }
-        Sensor::Receivers(all) => (all.count(), Vantage::Receivers),
+        Sensor::Receivers(receivers) => receivers.count(),
     };
-    let budget = Budget { samples: plan.goal(1), ..plan.budget };
-    expected_rays(&budget, plan.surfaces.albedo, area, vantage)
+    let part = plan.part.map(|part| part.count());
+    let samples = part.or(plan.budget.samples);
+    let budget = Budget { samples, ..plan.budget };
+    expected_rays(&budget, plan.surfaces.albedo, area, sensor)
 }
 
 /// Notes how many receivers there are.
@@ -403,11 +405,8 @@ fn check_receivers(
         *of = count as u32;
     }
     let rows = subject.sensed.window().tile_rows(tile_height(true));
-    if plan.part.is_some_and(|part| part.band.1 > rows) {
-        let fault = format!(
-            "--tiles: not more bands than there are tiles of {name}: {rows}"
-        );
-        return Err(Error::value("tiles", rows, fault));
-    }
-    Ok(())
+    let (k, n) = plan.part.map_or((1, 1), |part| part.band);
+    let reason =
+        format!("not more bands than there are tiles of {name}: {rows}");
+    require(n <= rows, "band", format!("{k}/{n}"), &reason)
 }

@@ -9,7 +9,7 @@ use crate::prelude::*;
 use std::path::PathBuf;
 
 use litpt::key::RunKey;
-use litpt::state::checkpoint::Known;
+use litpt::state::checkpoint::RunRecord;
 use litpt::state::learnt::{read, write};
 
 // --------------------------------------------------------------- The library
@@ -53,10 +53,10 @@ fn state() -> (Convergence, Film) {
     (serde_json::from_value(convergence).unwrap(), film)
 }
 
-fn known() -> Known {
+fn known() -> RunRecord {
     let report = Report { convergence: state().0, ..Report::default() };
     let (plan, learnt) = (Plan::default(), Arc::default());
-    Known { plan, run_key: run_key(), report, learnt }
+    RunRecord { plan, run_key: run_key(), report, learnt }
 }
 
 fn saved() -> Vec<u8> {

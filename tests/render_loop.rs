@@ -6,6 +6,8 @@
 
 use crate::prelude::*;
 
+use litpt::cli::watchdog::without_image;
+
 use std::sync::LazyLock;
 
 /// An intersector that finds nothing, for estimators that need nothing.
@@ -534,6 +536,6 @@ fn what_ends_the_program_before_there_is_a_sample_is_said() {
         (Stop::Time, "no image: --time ran out while reading"),
         (Stop::Signal(2), "no image: signal 2 came while reading"),
     ] {
-        assert_eq!(stop.without_image("reading"), why);
+        assert_eq!(without_image(stop, "reading"), why);
     }
 }

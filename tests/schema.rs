@@ -6,7 +6,7 @@
 use crate::prelude::*;
 
 use crate::report::point;
-use litpt::render::Share;
+use litpt::render::RankStats;
 
 /// The type of a value, as JSON Schema has it.
 fn kind(value: &Value) -> &str {
@@ -86,7 +86,7 @@ fn of_ranks() -> Report {
     let point = CurvePoint { processor_seconds, ..point(1) };
     let mut report = Report::default();
     report.sign("pt");
-    report.convergence.ranks = vec![Share::default(); 2];
+    report.convergence.ranks = vec![RankStats::default(); 2];
     report.convergence.processor_seconds = processor_seconds;
     report.convergence.curve = vec![point];
     report

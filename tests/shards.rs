@@ -8,7 +8,7 @@ use crate::prelude::*;
 
 use crate::checkpoint::run_key_with;
 use litpt::key::Part;
-use litpt::state::checkpoint::Known;
+use litpt::state::checkpoint::RunRecord;
 use litpt::state::shards;
 
 /// A view of four rows of tiles, the last of them cut off.
@@ -130,12 +130,12 @@ fn what_was_learnt_once_is_not_learnt_again() {
     place.line(resume).failed(2, &["cannot be used with"]);
     // A lie may be whole.
     let mut lie = Checkpoint::of_file(&place.path("3.litpt")).unwrap();
-    let mut film = lie.known.run_key.film();
+    let mut film = lie.record.run_key.film();
     lie.fill(&mut film).unwrap();
-    let learnt = Arc::get_mut(&mut lie.known.learnt).unwrap();
+    let learnt = Arc::get_mut(&mut lie.record.learnt).unwrap();
     learnt.get_mut().unwrap().allocation.scale[7] *= 2.;
     let file = fs::File::create(place.path("3.litpt")).unwrap();
-    save(&lie.known, &film, &mut &file).unwrap();
+    save(&lie.record, &film, &mut &file).unwrap();
     let fault = "1.litpt and 3.litpt have not learnt the same";
     merge(&place, &format!("{all} -oe.pfm")).failed(1, &[fault]);
 }
@@ -159,14 +159,14 @@ fn there_is_nothing_to_take_from_paths() {
     assert!(place.get("d.litpt").len() > size + sums);
     // It was interrupted before it had learnt.
     let mut state = Checkpoint::of_file(&place.path("c.litpt")).unwrap();
-    state.known.learnt = Arc::default();
+    state.record.learnt = Arc::default();
     let file = fs::File::create(place.path("c.litpt")).unwrap();
-    save(&state.known, &state.known.run_key.film(), &mut &file).unwrap();
+    save(&state.record, &state.record.run_key.film(), &mut &file).unwrap();
     let again = place.line(&format!("{whole} -f --learnt=c.litpt"));
     again.failed(1, &["c.litpt: holds nothing learnt"]);
     merge(&place, "c.litpt d.litpt -oe.litpt").succeeded();
     let merged = Checkpoint::of_file(&place.path("e.litpt")).unwrap();
-    assert!(merged.known.learnt.get().is_some());
+    assert!(merged.record.learnt.get().is_some());
     // Errors may be smaller than a number in single precision.
     let dim = format!("-q {run}=gather -r1e-44 --samples");
     place.done(&format!("{dim}=0..0 -of.litpt"));
@@ -248,7 +248,7 @@ fn put(place: &Scratch, name: &str, facts: Value) {
     let mut report = Report::default();
     report.convergence.spp = 8;
     let (film, plan) = (run_key.film(), Plan::default());
-    let known = Known { plan, run_key, report, learnt: Arc::default() };
+    let known = RunRecord { plan, run_key, report, learnt: Arc::default() };
     let mut file = fs::File::create(place.path(name)).unwrap();
     save(&known, &film, &mut file).unwrap();
 }

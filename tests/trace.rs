@@ -8,6 +8,7 @@ use crate::prelude::*;
 use litpt::analysis::LitView;
 use litpt::integrator::gather::Learnt;
 use litpt::render::trace::{Ending, SampleTrace};
+use litpt::run::Run;
 use litpt::sensor::Sensor;
 use std::sync::OnceLock;
 
@@ -160,5 +161,52 @@ fn the_text_of_a_sample_is_in_the_coordinates_of_the_file() {
     assert!(point.distance(DVec3::new(10., 10., -3.)) < 0.2, "{text}");
     let end = ", normal 0,0,1, albedo 0.8, throughput 0.8";
     assert!(lines[1].ends_with(end), "{text}");
-    assert_eq!(lines[2..], ["end        Sky", "value      0.8"]);
+    let end = "end        the sky, or what is below it";
+    assert_eq!(lines[2..], [end, "value      0.8"]);
+}
+
+/// A sample is one that the run has: of its pixels, and of its samples in
+/// whole nets.
+#[test]
+fn a_sample_that_the_run_does_not_have_is_refused() {
+    let mesh = cavity(0.1, 8);
+    let camera = CameraPlan { resolution: SIZE, ..CameraPlan::default() };
+    for method in [Method::Reference, Method::Sobol] {
+        let plan = Plan {
+            sensor: SensorPlan::Camera(camera),
+            budget: Budget::samples(33),
+            method: Some(method),
+            ..Plan::default()
+        };
+        let host = Host::default();
+        let inputs = Inputs::from(mesh.clone());
+        let world = World::new(&plan, inputs, host).unwrap();
+        let mut run = Run::new(&world, &plan, host).unwrap();
+        let net = run.key.sampling.net_size;
+        let mut trace = |pixel, n| {
+            let text = run.trace_sample(pixel, n);
+            text.map_err(|error| error.to_string())
+        };
+        let none = "the run has no such sample";
+        assert!(trace((8, 6), 32).unwrap().contains("end  "));
+        let beyond = 33u64.next_multiple_of(net);
+        for n in [beyond, u64::MAX] {
+            let fault = trace((0, 0), n).unwrap_err();
+            assert_eq!(fault, format!("sample 0,0,{n}: {none}"));
+        }
+        for (x, y) in [(9, 0), (0, 7), (u32::MAX, u32::MAX)] {
+            let fault = trace((x, y), 0).unwrap_err();
+            let nothing = "nothing is rendered there";
+            assert_eq!(fault, format!("sample {x},{y},0: {nothing}"));
+        }
+    }
+    // The command names the option, and touches no file.
+    let place = Scratch::new();
+    place.put("a.png", "old");
+    let line = "room.obj -d9x7 -n2 -oa.png --sample";
+    let text = place.done(&format!("{line} 1,2,1")).stdout;
+    assert!(String::from_utf8(text).unwrap().contains("end  "));
+    assert!(place.get("a.png") == b"old");
+    let run = place.line(&format!("{line} 1,2,2"));
+    run.failed(1, &["--sample 1,2,2: the run has no such sample"]);
 }

@@ -22,7 +22,7 @@ use litpt::error::Result;
 use litpt::film::{Film, SIDE, Watch, Window};
 use litpt::integrator::Communicator;
 use litpt::key::RunKey;
-use litpt::render::{Renderer, Share};
+use litpt::render::{RankStats, Renderer};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator as _, *};
 use mpi::{Rank, Threading};
@@ -37,7 +37,7 @@ static BEFORE_MAIN: extern "C" fn() = keep_the_place;
 struct World;
 
 impl Communicator for World {
-    fn place(&self) -> (usize, usize) {
+    fn rank_and_size(&self) -> (usize, usize) {
         (world().rank() as usize, world().size() as usize)
     }
 
@@ -54,11 +54,11 @@ impl Communicator for World {
             watch(0);
             answer()
         };
-        let others = (1..self.place().1).map(|_| wait_for(look));
+        let others = (1..self.rank_and_size().1).map(|_| wait_for(look));
         let parts = BTreeMap::from_iter(others.chain([(0, own.to_vec())]));
-        let mut all = Vec::from_iter(parts.into_values()).concat();
-        tell(&mut all);
-        all.into()
+        let mut whole = Vec::from_iter(parts.into_values()).concat();
+        tell(&mut whole);
+        whole.into()
     }
 
     fn broadcast(&self, mut own: Vec<u8>) -> Result<Vec<u8>> {
@@ -76,11 +76,11 @@ impl Ranks for World {
         own: Box<dyn Renderer + 'a>,
         run_key: &'a RunKey,
     ) -> Box<dyn Renderer + 'a> {
-        if self.place().1 == 1 {
+        if self.rank_and_size().1 == 1 {
             return own;
         }
         let own = Worker::new(own, run_key);
-        let shares = vec![Share::default(); self.place().1];
+        let shares = vec![RankStats::default(); self.rank_and_size().1];
         Box::new(Leader { own, shares, passes: 0., least: 0. })
     }
 
@@ -321,11 +321,15 @@ struct Pass<'a> {
     /// The rays of what has come back.
     rays: u64,
     /// What each rank has done.
-    shares: &'a mut [Share],
+    shares: &'a mut [RankStats],
 }
 
 impl<'a> Pass<'a> {
-    fn new(film: &'a mut Film, end: u64, shares: &'a mut [Share]) -> Self {
+    fn new(
+        film: &'a mut Film,
+        end: u64,
+        shares: &'a mut [RankStats],
+    ) -> Self {
         let (windows, left) = (vec![film.window], film.area());
         Self { film, end, windows, left, rays: 0, shares }
     }
@@ -374,7 +378,7 @@ struct Part {
     film: Film,
     /// The rays of this piece.
     rays: u64,
-    share: Share,
+    share: RankStats,
 }
 
 impl Part {
@@ -402,7 +406,7 @@ struct Worker<'a> {
     renderer: Box<dyn Renderer + 'a>,
     run_key: &'a RunKey,
     /// What it has done.
-    share: Share,
+    share: RankStats,
     /// The processor time before that.
     before: f64,
 }
@@ -410,7 +414,7 @@ struct Worker<'a> {
 impl<'a> Worker<'a> {
     fn new(renderer: Box<dyn Renderer + 'a>, run_key: &'a RunKey) -> Self {
         let before = processor_seconds();
-        Self { renderer, run_key, share: Share::default(), before }
+        Self { renderer, run_key, share: RankStats::default(), before }
     }
 
     /// Renders a piece, unless `watch` stops it.
@@ -429,7 +433,7 @@ impl<'a> Worker<'a> {
 /// A renderer on all ranks.
 struct Leader<'a> {
     own: Worker<'a>,
-    shares: Vec<Share>,
+    shares: Vec<RankStats>,
     /// Seconds of all passes.
     passes: f64,
     /// Seconds below which a pass is too short.
@@ -479,7 +483,7 @@ impl Renderer for Leader<'_> {
         self.own.renderer.training_rays(area)
     }
 
-    fn shares(&self) -> &[Share] {
+    fn shares(&self) -> &[RankStats] {
         &self.shares
     }
 

@@ -178,7 +178,7 @@ fn goes_on(place: &Scratch) {
     fs::copy(place.path("c.ck"), place.path("d.ck")).unwrap();
     let saved = Checkpoint::of_file(&place.path("c.ck")).unwrap();
     // A pass takes no tile further than the next step.
-    let n = 2 * saved.known.report.convergence.spp + 10;
+    let n = 2 * saved.record.report.convergence.spp + 10;
     let n = format!("-n{n} --integrator=reference");
     place.done(&format!("{SCENE} {n} -ob.pfm"));
     run(place, 2, &format!("{n} --resume=c.ck -oa.pfm")).succeeded();

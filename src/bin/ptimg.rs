@@ -181,23 +181,18 @@ impl Output {
         Ok((format, OutputTarget::file(path, self.force)?))
     }
 
-    /// Those of all outputs, each in one of two formats if these are given.
-    fn targets(
-        &self,
-        usual: Format,
-        formats: Option<[Format; 2]>,
-    ) -> Result<Vec<Target>> {
+    /// Those of all outputs, each in one of these formats; the first one is
+    /// usual.
+    fn targets(&self, formats: &[Format]) -> Result<Vec<Target>> {
         let target = |path: &PathBuf| {
-            let target = self.target(path, usual)?;
-            match formats.filter(|formats| !formats.contains(&target.0)) {
-                None => Ok(target),
-                Some([a, b]) => {
-                    let fault = format!(
-                        "this image is written as .{a:?} or .{b:?}"
-                    );
-                    Err(Error::from(fault.to_lowercase()).of_file(path))
-                }
+            let target = self.target(path, formats[0])?;
+            if formats.contains(&target.0) {
+                return Ok(target);
             }
+            let (a, b) = (formats[0], formats[1]);
+            let fault =
+                format!("this image is written as .{a:?} or .{b:?}");
+            Err(Error::from(fault.to_lowercase()).of_file(path))
         };
         self.output.iter().map(target).collect()
     }
@@ -217,11 +212,15 @@ const GREY: [Format; 2] = [Format::Pgm, Format::Png];
 /// Those that have colours.
 const COLOUR: [Format; 2] = [Format::Png, Format::Exr];
 
+/// The formats of levels and those of numbers.
+const ALL: [Format; 4] =
+    [Format::Pgm, Format::Png, Format::Pfm, Format::Exr];
+
 fn main() -> ExitCode {
     // A file beyond the limit of size is an error, not the end.
     let _ = flag::register(SIGXFSZ, Arc::default());
     let arguments: Arguments = match parse_words(env::args_os()) {
-        Ok((arguments, _)) => arguments,
+        Ok(arguments) => arguments,
         Err(error) => return fail(error),
     };
     // Report a fault by message and status
@@ -239,7 +238,7 @@ fn run(verb: &Verb) -> Result<ExitCode> {
         Verb::Info { files, json } => inform(files, *json)?,
         Verb::Tonemap { input, to, exposure, tonemap, no_filter } => {
             // Make an image for the screen
-            let targets = to.targets(Format::Pgm, Some(GREY))?;
+            let targets = to.targets(&GREY)?;
             let mut image = read(input)?;
             image.more.retain(|(name, _)| !no_filter || *name == OPACITY);
             let image = display::picture(image);
@@ -254,7 +253,7 @@ fn run(verb: &Verb) -> Result<ExitCode> {
         }
         Verb::Stderr { input, to, relative } => {
             // Show the standard errors
-            let targets = to.targets(Format::Pgm, Some(GREY))?;
+            let targets = to.targets(&GREY)?;
             let (grey, white) = display::errors(&read(input)?, *relative)
                 .map_err(|fault| fault.of_file(input))?;
             targets.iter().try_for_each(|target| write(target, &grey))?;
@@ -293,7 +292,7 @@ fn stops(exposure: Exposure, image: &Image) -> f64 {
 
 /// Joins three bands to a colour image.
 fn join(bands: &[PathBuf], to: &Output, exposure: Exposure) -> Result<()> {
-    let targets = to.targets(Format::Png, Some(COLOUR))?;
+    let targets = to.targets(&COLOUR)?;
     // Read the bands
     let mut printed = BTreeSet::new();
     let read = |path: &PathBuf| {
@@ -372,7 +371,7 @@ fn merge(
     };
     let merged = shards::merge(files)?;
     // Refuse an image of receivers
-    let is_list = merged.known.run_key.subject.sensed.is_list();
+    let is_list = merged.record.run_key.subject.sensed.is_list();
     if is_list && has(|product| *product != Product::State) {
         return Err(
             "receivers have no image: merge to a state, -o a.litpt, \
@@ -393,7 +392,7 @@ fn merge(
         progress::warn(&missing);
     }
     // Warn of a picture that lacks the scene
-    let run_key = &merged.known.run_key;
+    let run_key = &merged.record.run_key;
     let lack = match run_key.filtered {
         true => Some("is not filtered"),
         false => run_key.subject.sky.background.map(|_| "has no opacity"),
@@ -405,9 +404,9 @@ fn merge(
              -o a.litpt, and use pt --resume a.litpt"
         ));
     }
-    let convergence = merged.known.report.convergence.clone();
+    let convergence = merged.record.report.convergence.clone();
     let outputs = Outputs::default();
-    let mut output = RunOutput::new(targets, &outputs, merged.known, None);
+    let mut output = RunOutput::new(targets, &outputs, merged.record, None);
     output.write(&convergence, &merged.film, None)
 }
 
@@ -507,7 +506,7 @@ fn diff(files: [&Path; 2], to: &Output, quiet: bool) -> Result<ExitCode> {
     } else if to.is_standard() {
         return Err("a map on standard output needs -q".into());
     }
-    let maps = to.targets(Format::Pgm, None)?;
+    let maps = to.targets(&ALL)?;
     let (first, second) = (read(files[0])?, read(files[1])?);
     let difference = compare(&first, &second).map_err(|fault| {
         let [a, b] = files.map(Path::display);

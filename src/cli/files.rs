@@ -92,7 +92,7 @@ pub fn check_reference(
         return Ok(());
     };
     let mut ours = attributes(&world.subject);
-    ours.insert("scene_sha256".into(), world.file.sha256.clone());
+    ours.insert("scene_sha256".into(), world.report.scene.sha256.clone());
     let differing = disagreements(&image.attributes, &ours).join(", ");
     if differing.is_empty() {
         return Ok(());

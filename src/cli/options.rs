@@ -10,9 +10,9 @@ use std::ffi::OsString;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-use clap::builder::{ArgPredicate, StyledStr};
-use clap::parser::ValueSource;
-use clap::{ArgMatches, Args, Id, Parser};
+use clap::builder::TypedValueParser;
+use clap::builder::{ArgPredicate, PossibleValuesParser, StyledStr};
+use clap::{ArgAction, Args, Parser};
 use glam::DVec3;
 
 use crate::bvh::Isa;
@@ -35,9 +35,7 @@ pub struct Options {
     #[command(flatten)]
     pub scene: SceneOptions,
     #[command(flatten)]
-    pub camera: CameraOptions,
-    #[command(flatten)]
-    pub receivers: ReceiverOptions,
+    pub sensor: SensorOptions,
     #[command(flatten)]
     pub limits: LimitOptions,
     #[command(flatten)]
@@ -46,9 +44,6 @@ pub struct Options {
     pub parts: PartOptions,
     #[command(flatten)]
     pub execution: ExecutionOptions,
-    /// The names of the options that were typed.
-    #[arg(skip)]
-    pub given: Vec<String>,
 }
 
 // What is rendered: a scene, its surfaces and its light.
@@ -57,7 +52,8 @@ pub struct Options {
 #[command(next_help_heading = "Scene and light")]
 pub struct SceneOptions {
     /// Wavefront OBJ, also .gz or .zst [default: standard input, or -]
-    #[arg(value_name = "FILE", overrides_with = "input")]
+    #[arg(value_name = "FILE", overrides_with = "input",
+          help_heading = None)]
     pub scene: Option<PathBuf>,
 
     /// The scene, as FILE alone
@@ -65,10 +61,9 @@ pub struct SceneOptions {
     pub input: Option<PathBuf>,
 
     /// Albedo of all surfaces, between 0 and 1, or of a material, group or
-    /// object of the file, as in floor=0.2; may be repeated
+    /// object of the file, as in floor=0.2; may be repeated [default: 1]
     #[arg(short = 'r', long = "albedo", visible_alias = "reflectivity",
-          value_name = "[NAME=]ALBEDO", default_value = "1",
-          value_parser = parse_named_albedo)]
+          value_name = "[NAME=]ALBEDO", value_parser = parse_named_albedo)]
     pub albedos: Vec<(String, f64)>,
 
     /// Give each face the luminance of the diffuse reflectivity (Kd, linear) of
@@ -83,14 +78,10 @@ pub struct SceneOptions {
 
     /// Sky: uniform; overcast, three times as bright at the zenith as at the
     /// horizon; or sphere, uniform and below the horizon too, as for ambient
-    /// occlusion; each gives 1 to a horizontal surface in the open
-    #[arg(
-        long,
-        value_name = "SKY",
-        default_value = "uniform",
-        hide_possible_values = true
-    )]
-    pub sky: Cover,
+    /// occlusion; each gives 1 to a horizontal surface in the open [default:
+    /// uniform]
+    #[arg(long, value_name = "SKY", hide_possible_values = true)]
+    pub sky: Option<Cover>,
 
     /// Direction to the middle of the sky [default: the axis nearest to -u]
     #[arg(long, value_name = "X,Y,Z|x|y|z", value_parser = parse_direction)]
@@ -101,11 +92,11 @@ pub struct SceneOptions {
     pub ground: Option<f64>,
 }
 
-// Where the camera stands, and its image.
+// What senses the light: a camera with its image, or receivers.
 #[derive(Args, Clone, Debug)]
 #[group(skip)]
-#[command(next_help_heading = "Camera and image")]
-pub struct CameraOptions {
+#[command(next_help_heading = "Camera and image, or receivers instead")]
+pub struct SensorOptions {
     /// Position of the camera [default: outside of the scene, or
     /// 0,0,0 with -t]
     #[arg(short, long, value_name = "X,Y,Z", value_parser = parse_vector,
@@ -125,9 +116,10 @@ pub struct CameraOptions {
     pub up: Option<DVec3>,
 
     /// Vertical field of view in degrees, strictly between 0 and 180
-    #[arg(short = 'F', long, value_name = "DEGREES", default_value = "70",
+    /// [default: 70]
+    #[arg(short = 'F', long, value_name = "DEGREES",
           value_parser = only(parse_real, |&x| x > 0. && x < 180., ANGLE))]
-    pub fov: f64,
+    pub fov: Option<f64>,
 
     /// Show all of the scene from a side: front (-y, or z if y is up), back,
     /// left, right, top or iso [default: iso, without -p and -t]
@@ -136,10 +128,10 @@ pub struct CameraOptions {
     pub viewpoint: Option<Viewpoint>,
 
     /// Resolution of the image in pixels, each at most 16384
+    /// [default: 320x240]
     #[arg(short = 'd', long, visible_alias = "definition",
-          value_name = "WIDTHxHEIGHT", default_value = "320x240",
-          value_parser = parse_size)]
-    pub resolution: (u32, u32),
+          value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
+    pub resolution: Option<(u32, u32)>,
 
     /// Render only a window of the image: the column and row of its first
     /// pixel, and its size, as in 100,50,64x48
@@ -153,13 +145,7 @@ pub struct CameraOptions {
     #[arg(long, value_name = "RADIANCE", conflicts_with = "receivers",
           value_parser = only(parse_share, |&x| x >= 0., NOT_NEGATIVE))]
     pub background: Option<f64>,
-}
 
-// Which receivers there are instead of an image.
-#[derive(Args, Clone, Debug)]
-#[group(skip)]
-#[command(next_help_heading = "Receivers instead of an image")]
-pub struct ReceiverOptions {
     /// Compute the irradiance at the points of a file, lines x y z nx ny nz, in
     /// units of that of a horizontal surface in the open
     #[arg(long, value_name = "FILE", group = "receivers")]
@@ -208,26 +194,28 @@ pub struct LimitOptions {
 
     /// Which error --error limits: rms over pixels, or max
     #[arg(
-        long,
+        long = "error-norm",
         alias = "error-of",
         value_name = "rms|max",
         default_value = "rms",
         hide_possible_values = true,
-        requires = "error"
+        requires = "error",
+        action = ArgAction::Set,
+        value_parser = PossibleValuesParser::new(["rms", "max"])
+            .map(|norm| norm == "max")
     )]
-    pub error_norm: Norm,
+    pub largest: bool,
 
     /// Sampling method: reference, paths of independent numbers; sobol, the same
     /// paths placed by scrambled nets; gather, into a corrected cache of
     /// radiance; auto picks the fastest from a short pilot
     #[arg(long, value_name = "METHOD", default_value = "auto",
           hide_possible_values = true, value_parser = parse_method)]
-    pub integrator: AskedMethod,
+    pub integrator: RequestedMethod,
 
-    /// Seed of the random numbers
-    #[arg(short, long, value_name = "SEED", default_value = "0",
-          value_parser = parse_whole)]
-    pub seed: u64,
+    /// Seed of the random numbers [default: 0]
+    #[arg(short, long, value_name = "SEED", value_parser = parse_whole)]
+    pub seed: Option<u64>,
 }
 
 // What is written.
@@ -339,8 +327,9 @@ pub struct ExecutionOptions {
     #[arg(long, alias = "explain")]
     pub dry_run: bool,
 
-    /// Trace only sample N of the pixel in column X and row Y, or of receiver
-    /// Y with X = 0, and print its path
+    /// Trace only sample N, from 0 to one less than --spp, of the pixel in column
+    /// X and row Y, or of receiver Y with X = 0, and print its path; no file is
+    /// written
     #[arg(long, value_name = "X,Y,N", value_parser = parse_sample,
           conflicts_with = "dry_run")]
     pub sample: Option<(u32, u32, u64)>,
@@ -377,26 +366,17 @@ free to change and redistribute it. There is NO WARRANTY, to the extent
 permitted by law.";
 
 /// Why there is nothing to run.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The help or the version was asked for, which is this.
+    #[error("{0}")]
     Help(StyledStr),
     /// What is wrong with the command line, in one line.
+    #[error("{0}")]
     Usage(String),
-    /// What has failed, in one line.
-    Failure(String),
-}
-
-impl From<crate::error::Error> for Error {
-    fn from(error: crate::error::Error) -> Self {
-        Self::Failure(error.to_string())
-    }
-}
-
-impl From<String> for Error {
-    fn from(message: String) -> Self {
-        Self::Failure(message)
-    }
+    /// What has failed.
+    #[error("{}", by_option(.0))]
+    Failure(#[from] crate::error::Error),
 }
 
 /// That a command line is wrong.
@@ -404,13 +384,33 @@ pub fn usage(fault: impl Display, program: &str) -> Error {
     Error::Usage(format!("{fault} (see {program} --help)"))
 }
 
-/// Parses the words of a program, and says which options are given.
+/// A fault in words, with the option instead of the name of a value.
+pub fn by_option(error: &crate::error::Error) -> String {
+    match error {
+        crate::error::Error::Value { name, fault, .. }
+            if let Some(rest) = fault.strip_prefix(name) =>
+        {
+            let option = match *name {
+                "part" => "samples",
+                "band" => "tiles",
+                same => same,
+            };
+            format!("--{option}{rest}")
+        }
+        crate::error::Error::Value { name, fault, .. } => {
+            format!("{fault} (--{name})")
+        }
+        other => other.to_string(),
+    }
+}
+
+/// Parses the words of a program.
 ///
 /// # Errors
 /// A word is wrong, or asks for help.
 pub fn parse_words<P: Parser>(
     words: impl IntoIterator<Item = impl Into<OsString> + Clone>,
-) -> Result<(P, ArgMatches), Error> {
+) -> Result<P, Error> {
     // Allow for numbers below zero
     let command = P::command().mut_args(|arg| {
         let is_file =
@@ -421,7 +421,7 @@ pub fn parse_words<P: Parser>(
     let name = command.get_name().to_owned();
     let words = words.into_iter().skip(1);
     let given = command.no_binary_name(true).try_get_matches_from(words);
-    let parse = |given| Ok((P::from_arg_matches(&given)?, given));
+    let parse = |given| P::from_arg_matches(&given);
     given.and_then(parse).map_err(|error| match error.use_stderr() {
         true => usage(one_line(&error), &name),
         false => Error::Help(error.render()),
@@ -471,13 +471,7 @@ impl Options {
                 ));
             }
         }
-        let (mut typed, given) = parse_words::<Self>(words)?;
-        // Note which options are given
-        let here = Some(ValueSource::CommandLine);
-        let is_given = |id: &&Id| given.value_source(id.as_str()) == here;
-        typed.given =
-            given.ids().filter(is_given).map(Id::to_string).collect();
-        Ok(typed)
+        parse_words(words)
     }
 }
 

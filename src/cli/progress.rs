@@ -128,12 +128,12 @@ pub fn render_bar(start: Instant, limit: Option<f64>) -> ProgressBar {
 /// foreseen, and what is known by now.
 pub fn update(
     bar: &ProgressBar,
-    (done, all): (u64, Option<u64>),
+    (done, total): (u64, Option<u64>),
     unit: &'static str,
-    known: String,
+    text: String,
 ) {
-    match all {
-        Some(all) => bar.set_length(all),
+    match total {
+        Some(total) => bar.set_length(total),
         None => bar.unset_length(),
     }
     if bar.prefix() != unit {
@@ -141,7 +141,7 @@ pub fn update(
         bar.set_position(done);
         bar.reset_eta();
     }
-    bar.set_message(known);
+    bar.set_message(text);
 }
 
 /// Says that the run has been asked to stop.

@@ -6,24 +6,41 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Arg, CommandFactory};
 use glam::DVec3;
-use serde_json::json;
 
-use super::options::{Error, Options, usage};
-use super::values::Norm;
+use super::options::{Error, LimitOptions, Options, by_option, usage};
+use crate::camera::View;
+use crate::compare::display::Exposure;
 use crate::error;
-use crate::film::{ErrorNorm, SIDE, Window};
+use crate::film::ErrorNorm;
 use crate::image::Format;
 use crate::key::Part;
-use crate::output::{descriptor, format_of};
-use crate::plan::{Budget, CameraPlan, Outputs, Plan, Product, SensorPlan};
-use crate::plan::{SkyPlan, Stand, SurfacePlan, is_dash};
+use crate::output::{descriptor, format_of, refuse_aliases};
+use crate::plan::{Budget, Outputs, Plan, Product, SensorPlan};
+use crate::plan::{Stand, is_dash};
 use crate::render::choose::default_samples;
 use crate::report::Kind;
 use crate::sensor::table::TableFormat;
 use crate::sky::Sky;
 use crate::state::shards::is_state_name;
+
+/// The first option that has changed a value, if one has.
+struct Change(Option<&'static str>);
+
+impl Change {
+    /// Sets a value that was typed, if it was.
+    fn set<T: PartialEq>(
+        &mut self,
+        option: &'static str,
+        value: &mut T,
+        typed: Option<T>,
+    ) {
+        if let Some(typed) = typed.filter(|typed| typed != value) {
+            self.0 = self.0.or(Some(option));
+            *value = typed;
+        }
+    }
+}
 
 impl Options {
     /// The plan of a run, of which a part may have been saved; a picture that
@@ -37,99 +54,132 @@ impl Options {
         saved: Option<&Plan>,
         is_terminal: bool,
     ) -> Result<Plan, Error> {
-        let fault = |fault: String| usage(fault, "pt");
-        let plan = match saved {
-            None => {
-                let mut plan = self.new_plan();
-                plan.outputs = self.new_outputs(&plan, is_terminal)?;
-                plan
+        let mut plan = saved.cloned().unwrap_or_default();
+        let changed = self.decide_samples(&mut plan);
+        if saved.is_none() {
+            let samples = default_samples(plan.camera().is_none());
+            plan.budget = Budget::samples(samples);
+        } else if let Some(name) = changed {
+            let fault = format!(
+                "--{name}: the run that is resumed has another, which stays; \
+                 limits, what is written, and how it is executed may change"
+            );
+            return Err(usage(fault, "pt"));
+        }
+        self.execute(&mut plan);
+        let files = self.files(&plan)?;
+        match saved {
+            None => self.begin(&mut plan, files, is_terminal),
+            Some(_) => self.go_on(&mut plan.outputs, files),
+        }
+        // Refuse a plan that cannot be
+        if let Some(misfit) = self.misfit(&plan) {
+            return Err(usage(misfit, "pt"));
+        }
+        plan.check().map_err(|error| usage(by_option(&error), "pt"))?;
+        Ok(plan)
+    }
+
+    /// Takes what decides samples, and returns the first option that has
+    /// changed something.
+    fn decide_samples(&self, plan: &mut Plan) -> Option<&'static str> {
+        let Self { scene, sensor, limits, parts, .. } = self;
+        let (mut change, surfaces) = (Change(None), &mut plan.surfaces);
+        if !scene.albedos.is_empty() {
+            let albedos = scene.albedos.iter().cloned();
+            let is_unnamed = |(name, _): &(String, f64)| name.is_empty();
+            let (unnamed, named): (Vec<_>, _) =
+                albedos.partition(is_unnamed);
+            let albedo = unnamed.last().map_or(1., |&(_, albedo)| albedo);
+            change.set("albedo", &mut surfaces.albedo, Some(albedo));
+            change.set("albedo", &mut surfaces.named, Some(named));
+        }
+        change.set("band", &mut surfaces.band, scene.band.map(Some));
+        let materials = scene.materials.then_some(true);
+        change.set("materials", &mut surfaces.materials, materials);
+        // Take the sky and the axis that is up
+        let sky = &mut plan.sky;
+        change.set("sky", &mut sky.cover, scene.sky);
+        change.set("ground", &mut sky.ground, scene.ground.map(Some));
+        let mut up = plan.up.unwrap_or(DVec3::Z);
+        change.set("up", &mut up, sensor.up);
+        plan.up = sensor.up.or(plan.up);
+        let mut zenith = sky.zenith.unwrap_or(Sky::new(up).zenith);
+        change.set("zenith", &mut zenith, scene.zenith);
+        sky.zenith = scene.zenith.or(sky.zenith);
+        change.set("seed", &mut plan.seed, limits.seed);
+        change.set("cache", &mut plan.cache, parts.cache.clone().map(Some));
+        self.sense(plan, &mut change);
+        change.0
+    }
+
+    /// Takes what senses the light.
+    fn sense(&self, plan: &mut Plan, change: &mut Change) {
+        let typed = &self.sensor;
+        let radiosity = typed.radiosity;
+        let faces = |side| SensorPlan::Faces { side, radiosity };
+        let vertices = typed.vertices.then_some(SensorPlan::Vertices);
+        let points = typed.points.clone().map(SensorPlan::Points);
+        change.set("faces", &mut plan.sensor, typed.faces.map(faces));
+        change.set("vertices", &mut plan.sensor, vertices);
+        match (&mut plan.sensor, points) {
+            (SensorPlan::Points(old), Some(SensorPlan::Points(new))) => {
+                *old = new;
             }
-            Some(saved) => self.resumed(saved)?,
-        };
-        match self.misfit(&plan) {
-            Some(misfit) => Err(fault(misfit)),
-            None => Ok(plan),
+            (sensor, points) => change.set("points", sensor, points),
         }
+        let SensorPlan::Camera(camera) = &mut plan.sensor else { return };
+        // Take the camera
+        let View { mut position, mut target, .. } = camera.view(DVec3::Z);
+        change.set("position", &mut position, typed.position);
+        change.set("target", &mut target, typed.target);
+        let moved = typed.position.map_or("target", |_| "position");
+        let placed = typed.position.or(typed.target);
+        let at = placed.map(|_| Stand::At(position, target));
+        change.set(moved, &mut camera.stand, at);
+        let outside = typed.viewpoint.map(Stand::Outside);
+        change.set("view", &mut camera.stand, outside);
+        change.set("fov", &mut camera.fov, typed.fov);
+        change.set("resolution", &mut camera.resolution, typed.resolution);
+        change.set("crop", &mut camera.crop, typed.crop.map(Some));
+        let background = typed.background.map(Some);
+        change.set("background", &mut camera.background, background);
     }
 
-    /// The plan of a new run, without its outputs.
-    fn new_plan(&self) -> Plan {
-        let Self { scene, limits, parts, execution, .. } = self;
-        let named = scene.scene.as_ref().or(scene.input.as_ref());
-        let unnamed = |(name, _): &&(String, f64)| name.is_empty();
-        let all = &scene.albedos;
-        let surfaces = SurfacePlan {
-            albedo: all.iter().rev().find(unnamed).map_or(1., |&(_, a)| a),
-            named: all.iter().filter(|a| !unnamed(a)).cloned().collect(),
-            materials: scene.materials,
-            band: scene.band,
-        };
-        let mut plan = Plan {
-            scene: named.cloned().unwrap_or("-".into()),
-            sensor: self.sensor(),
-            up: self.camera.up,
-            surfaces,
-            sky: SkyPlan {
-                cover: scene.sky,
-                zenith: scene.zenith,
-                ground: scene.ground,
-            },
-            method: limits.integrator,
-            seed: limits.seed,
-            cache: parts.cache.clone(),
-            shortcuts: !execution.no_shortcuts,
-            threads: execution.threads,
-            isa: execution.isa,
-            reference: self.outputs.reference.clone(),
-            ..Plan::default()
-        };
-        self.limit(&mut plan);
-        plan.part = self.part(&plan);
-        plan
+    /// Takes what decides no sample.
+    fn execute(&self, plan: &mut Plan) {
+        let Self { scene, limits, outputs, parts, execution, .. } = self;
+        if let Some(path) = scene.scene.as_ref().or(scene.input.as_ref()) {
+            plan.scene.clone_from(path);
+        }
+        plan.method = limits.integrator.or(plan.method);
+        let reference =
+            outputs.reference.as_ref().or(plan.reference.as_ref());
+        plan.reference = reference.cloned();
+        plan.shortcuts &= !execution.no_shortcuts;
+        plan.threads = execution.threads.or(plan.threads);
+        plan.isa = execution.isa.or(plan.isa);
+        self.limit(plan);
+        let new = &mut plan.outputs;
+        new.force = outputs.force;
+        new.preview |= outputs.preview;
+        new.exposure = outputs.exposure.or(new.exposure);
+        new.filter &= !outputs.no_filter;
+        let interval = parts.checkpoint_interval;
+        new.checkpoint_interval =
+            interval.unwrap_or(new.checkpoint_interval);
     }
 
-    /// What senses the light.
-    fn sensor(&self) -> SensorPlan {
-        let Self { camera, receivers, .. } = self;
-        if let Some(path) = &receivers.points {
-            return SensorPlan::Points(path.clone());
-        }
-        if let Some(side) = receivers.faces {
-            let radiosity = receivers.radiosity;
-            return SensorPlan::Faces { side, radiosity };
-        }
-        if receivers.vertices {
-            return SensorPlan::Vertices;
-        }
-        let stand = match (camera.position, camera.target) {
-            (None, None) => Stand::Outside(
-                camera.viewpoint.unwrap_or(crate::camera::Viewpoint::Iso),
-            ),
-            (position, target) => Stand::At(
-                position.unwrap_or(DVec3::ZERO),
-                target.unwrap_or(DVec3::Y),
-            ),
-        };
-        SensorPlan::Camera(CameraPlan {
-            resolution: camera.resolution,
-            crop: camera.crop,
-            stand,
-            fov: camera.fov,
-            background: camera.background,
-        })
-    }
-
-    /// Sets when a run ends, and which part of it there is.
+    /// Takes when the run ends, and which part of it there is.
     fn limit(&self, plan: &mut Plan) {
-        let limits = &self.limits;
-        let error = limits.error.map(|(error, relative)| {
-            let largest = matches!(limits.error_norm, Norm::Max);
-            (error, ErrorNorm { relative, largest })
-        });
-        let is_open = limits.time.is_none() && error.is_none();
-        let usual = default_samples(plan.camera().is_none());
-        let samples = limits.samples.or(is_open.then_some(usual));
-        plan.budget = Budget { samples, time: limits.time, error };
+        let &LimitOptions { samples, time, error, largest, .. } =
+            &self.limits;
+        let norm =
+            |(error, relative)| (error, ErrorNorm { relative, largest });
+        if samples.is_some() || time.is_some() || error.is_some() {
+            plan.budget = Budget { samples, time, error: error.map(norm) };
+        }
+        plan.part = self.part(plan).or(plan.part);
     }
 
     /// The part of a run, which may be one already; none without -n.
@@ -146,42 +196,31 @@ impl Options {
         Some(Part { samples, of, band: band.unwrap_or((1, 1)) })
     }
 
-    /// What a new run writes.
-    fn new_outputs(
+    /// Takes what a new run writes.
+    fn begin(
         &self,
-        plan: &Plan,
+        plan: &mut Plan,
+        mut files: Vec<(Product, PathBuf)>,
         is_terminal: bool,
-    ) -> Result<Outputs, Error> {
-        let Self { outputs, parts, execution, .. } = self;
+    ) {
+        let Self { outputs, execution, .. } = self;
         let is_named =
             !outputs.output.is_empty() || outputs.format.is_some();
         let shows = plan.camera().is_some() && !execution.dry_run;
-        let mut all = Outputs {
-            force: outputs.force,
-            checkpoint_interval: parts.checkpoint_interval.unwrap_or(60.),
-            preview: outputs.preview,
-            exposure: outputs.exposure,
-            filter: !outputs.no_filter,
-            ..Outputs::default()
-        };
-        all.files = self.files(plan, &outputs.output)?;
         if !is_named && shows && is_terminal && !is_dash(&plan.scene) {
-            let image = (Product::Image(Format::Png), beside(&plan.scene));
-            all.files[0] = image;
-            all.exposure = all
-                .exposure
-                .or(Some(crate::compare::display::Exposure::Auto));
+            files[0] = (Product::Image(Format::Png), beside(&plan.scene));
+            plan.outputs.exposure.get_or_insert(Exposure::Auto);
         }
-        Ok(all)
+        plan.outputs.files = files;
     }
 
     /// The files that are typed, and what they hold: first images or values,
     /// standard output if none is named; then the state; then reports.
-    fn files(
-        &self,
-        plan: &Plan,
-        named: &[PathBuf],
-    ) -> Result<Vec<(Product, PathBuf)>, Error> {
+    fn files(&self, plan: &Plan) -> Result<Vec<(Product, PathBuf)>, Error> {
+        let (named, reports) = (&self.outputs.output, &self.outputs.report);
+        let written =
+            named.iter().chain(&self.parts.checkpoint).chain(reports);
+        refuse_aliases([].into_iter(), written.map(PathBuf::as_path))?;
         let usual = self.outputs.format.unwrap_or(Format::Pgm);
         let has_vertices = plan.sensor == SensorPlan::Vertices;
         let is_list = plan.camera().is_none();
@@ -218,108 +257,33 @@ impl Options {
             kind => Ok((Product::Report(kind), path.clone())),
         };
         let images = images.into_iter().map(image);
-        let reports = self.outputs.report.iter().map(report);
-        let all = images.chain(states.into_iter().map(Ok)).chain(reports);
-        Ok(all.collect::<error::Result<_>>()?)
+        let reports = reports.iter().map(report);
+        let files = images.chain(states.into_iter().map(Ok)).chain(reports);
+        Ok(files.collect::<error::Result<_>>()?)
     }
 
-    /// The plan of a run that goes on: of what is typed, limits, outputs, the
-    /// threads and the instructions are taken; all else has to be as it was.
-    fn resumed(&self, saved: &Plan) -> Result<Plan, Error> {
-        let has = |names: &[&str]| {
-            self.given.iter().any(|given| names.contains(&&given[..]))
-        };
-        self.refuse_other_samples(saved)?;
-        let mut plan = saved.clone();
-        if has(&["samples", "time", "error", "error_norm"]) {
-            self.limit(&mut plan);
-        }
-        plan.part = self.part(&plan).or(plan.part);
-        let Self { scene, outputs, parts, execution, .. } = self;
-        if let (SensorPlan::Points(old), Some(new)) =
-            (&mut plan.sensor, &self.receivers.points)
-        {
-            old.clone_from(new);
-        }
-        plan.method = self.limits.integrator.or(plan.method);
-        let reference = outputs.reference.clone();
-        plan.reference = reference.or(plan.reference);
-        if let Some(path) = scene.scene.as_ref().or(scene.input.as_ref()) {
-            plan.scene.clone_from(path);
-        }
-        plan.shortcuts &= !execution.no_shortcuts;
-        plan.threads = execution.threads.or(plan.threads);
-        plan.isa = execution.isa.or(plan.isa);
-        // Take the files that are named anew, and keep the others
-        let typed = self.files(&plan, &outputs.output)?;
-        let is_state = |file: &(Product, _)| file.0 == Product::State;
+    /// Takes the files that are typed, and keeps the others.
+    fn go_on(&self, plan: &mut Outputs, typed: Vec<(Product, PathBuf)>) {
+        let Self { outputs, parts, .. } = self;
         let is_new = |(product, _): &(Product, PathBuf)| match product {
             Product::State => true,
-            Product::Report(_) => has(&["report"]),
-            _ => has(&["output", "format"]),
+            Product::Report(_) => !outputs.report.is_empty(),
+            _ => !outputs.output.is_empty() || outputs.format.is_some(),
         };
-        let old = saved.outputs.files.iter();
-        let kept = old.clone().filter(|file| !is_new(file));
-        let new = typed.iter().filter(|file| is_new(file));
-        let mut files: Vec<_> = new.chain(kept).cloned().collect();
         let resumed = parts.resume.clone().unwrap_or_default();
-        if !files.iter().any(is_state) {
-            files.push((Product::State, resumed.clone()));
+        let old = plan.files.iter().map(|(_, path)| path.clone());
+        plan.replaced.extend(old.chain([resumed.clone()]));
+        plan.replaced.sort();
+        plan.replaced.dedup();
+        plan.files.retain(|file| !is_new(file));
+        plan.files.splice(0..0, typed.into_iter().filter(is_new));
+        if plan.of(|product| product == Product::State).next().is_none() {
+            plan.files.push((Product::State, resumed));
         }
-        let old = old.map(|(_, path)| path.clone()).chain([resumed]);
-        let all = &mut plan.outputs;
-        all.replaced.extend(old);
-        all.replaced.sort();
-        all.replaced.dedup();
-        all.files = files;
-        all.force = outputs.force;
-        all.preview |= outputs.preview;
-        all.exposure = outputs.exposure.or(all.exposure);
-        all.filter &= !outputs.no_filter;
-        let interval = parts.checkpoint_interval;
-        all.checkpoint_interval =
-            interval.unwrap_or(all.checkpoint_interval);
-        Ok(plan)
-    }
-
-    /// Refuses what would change a sample: what is given again has to be as it
-    /// was.
-    fn refuse_other_samples(&self, saved: &Plan) -> Result<(), Error> {
-        let text = |plan: &Plan| {
-            let mut plan = plan.saved(Path::new("/"));
-            let up = plan.up.unwrap_or(DVec3::Z);
-            (plan.up, plan.sky.zenith) =
-                (Some(up), plan.sky.zenith.or(Some(Sky::new(up).zenith)));
-            json!(plan)
-        };
-        let [typed, saved] = [text(&self.new_plan()), text(saved)];
-        for id in &self.given {
-            let at = FIXED.iter().filter(|(fixed, _)| fixed == id);
-            let mut at = at.map(|(_, at)| at);
-            let changes = at.any(|at| {
-                let old = saved.pointer(at);
-                old.is_some() && typed.pointer(at) != old
-            });
-            let is_new = id == "cache"
-                || id == "points"
-                    && saved["sensor"].get("Points").is_none();
-            if changes || is_new {
-                let command = Self::command();
-                let mut all = command.get_arguments();
-                let option = all.find(|option| option.get_id() == id);
-                let name = option.and_then(Arg::get_long).unwrap_or(id);
-                let fault = format!(
-                    "--{name}: the run that is resumed has another, which stays; \
-                     limits, what is written, and how it is executed may change"
-                );
-                return Err(usage(fault, "pt"));
-            }
-        }
-        Ok(())
     }
 
     /// What does not fit together, if anything.
-    fn misfit(&self, plan: &Plan) -> Option<String> {
+    fn misfit(&self, plan: &Plan) -> Option<&'static str> {
         let Self { outputs, parts, .. } = self;
         let state = plan.outputs.of(|p| p == Product::State).next();
         let is_open = |path: &Path| descriptor(path).is_some();
@@ -340,11 +304,11 @@ impl Options {
             } else {
                 return self.misfit_of_parts(plan);
             };
-        Some(fault.to_owned())
+        Some(fault)
     }
 
     /// What does not fit together of a part of a run, if it is one.
-    fn misfit_of_parts(&self, plan: &Plan) -> Option<String> {
+    fn misfit_of_parts(&self, plan: &Plan) -> Option<&'static str> {
         let shows = |product| product != Product::State;
         let typed =
             self.parts.range.is_some() || self.parts.tiles.is_some();
@@ -363,36 +327,11 @@ impl Options {
         } else if self.parts.tiles.is_some() && plan.reference.is_some() {
             "--tiles renders a part of the image, and --reference needs all of it"
         } else {
-            return misplaced(plan.camera()?, plan.part);
+            return None;
         };
-        Some(fault.to_owned())
+        Some(fault)
     }
 }
-
-/// Options that stay as they were, and where a plan has them.
-const FIXED: &[(&str, &str)] = &[
-    ("albedos", "/surfaces/albedo"),
-    ("albedos", "/surfaces/named"),
-    ("materials", "/surfaces/materials"),
-    ("band", "/surfaces/band"),
-    ("sky", "/sky/cover"),
-    ("zenith", "/sky/zenith"),
-    ("ground", "/sky/ground"),
-    ("position", "/sensor/Camera/stand/At/0"),
-    ("target", "/sensor/Camera/stand/At/1"),
-    ("position", "/sensor/Camera/stand/Outside"),
-    ("target", "/sensor/Camera/stand/Outside"),
-    ("viewpoint", "/sensor/Camera/stand"),
-    ("up", "/up"),
-    ("fov", "/sensor/Camera/fov"),
-    ("resolution", "/sensor/Camera/resolution"),
-    ("crop", "/sensor/Camera/crop"),
-    ("background", "/sensor/Camera/background"),
-    ("faces", "/sensor"),
-    ("radiosity", "/sensor"),
-    ("vertices", "/sensor"),
-    ("seed", "/seed"),
-];
 
 /// The PNG beside a scene.
 fn beside(scene: &Path) -> PathBuf {
@@ -402,26 +341,4 @@ fn beside(scene: &Path) -> PathBuf {
     }
     path.set_extension("png");
     path
-}
-
-/// Why a window or a part of it is not within the image, if it is not.
-fn misplaced(camera: &CameraPlan, part: Option<Part>) -> Option<String> {
-    let (width, height) = camera.resolution;
-    let window = camera.window();
-    let Window { corner: (x, y), size: (w, h) } = window;
-    let fits = |at, n, side| at < side && n <= side - at;
-    if !(fits(x, w, width) && fits(y, h, height)) {
-        return Some(format!(
-            "--crop {}: does not lie within the image of \
-             {width}x{height} pixels",
-            String::from(window)
-        ));
-    }
-    let ((k, n), rows) = (part?.band, window.tile_rows(SIDE));
-    (n > rows).then(|| {
-        format!(
-            "--tiles {k}/{n}: the image has {rows} rows of tiles, and not \
-             more bands"
-        )
-    })
 }

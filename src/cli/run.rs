@@ -16,8 +16,9 @@ use clap::builder::StyledStr;
 
 use super::files;
 use super::options::{Error, Options};
-use super::progress::{self, ProgressBar, render_bar, update};
+use super::progress::{self, render_bar, update};
 use super::ranks::{Ranks, start_threads};
+use super::watchdog::without_image;
 use super::watchdog::{Watchdog, hard_deadline, listen, status};
 use crate::analysis::Finding;
 use crate::camera::Camera;
@@ -28,11 +29,11 @@ use crate::image::{Format, Image};
 use crate::inputs::{Inputs, in_first_rank};
 use crate::output::OutputTarget;
 use crate::plan::{Plan, Product, is_dash};
-use crate::render_loop::{Convergence, Limits, Stop};
+use crate::render_loop::{Convergence, Stop};
 use crate::run::{History, Run};
 use crate::run_output::RunOutput;
 use crate::sensor::INSIDE;
-use crate::state::checkpoint::{Checkpoint, Known};
+use crate::state::checkpoint::{Checkpoint, RunRecord};
 use crate::world::World;
 
 /// Runs `pt` with the words of the process, which leads `ranks`; returns its
@@ -52,16 +53,15 @@ pub fn main_with(ranks: &dyn Ranks) -> ExitCode {
 
 /// Says why a program ends, and with which status.
 pub fn fail(error: Error) -> ExitCode {
-    let (message, status) = match error {
+    let error = match error {
         Error::Help(text) => match print(&text) {
             Ok(()) => return ExitCode::SUCCESS,
-            Err(error) => (error.to_string(), 1),
+            Err(error) => error.into(),
         },
-        Error::Usage(message) => (message, 2),
-        Error::Failure(message) => (message, 1),
+        other => other,
     };
-    progress::error(&message);
-    ExitCode::from(status)
+    progress::error(&error.to_string());
+    ExitCode::from(if matches!(error, Error::Usage(_)) { 2 } else { 1 })
 }
 
 /// Prints a text on standard output, on a terminal in colour.
@@ -89,7 +89,7 @@ fn run(
     // Resolve what was typed
     let resume = options.parts.resume.as_deref();
     let state = resume.map(Checkpoint::of_file).transpose()?;
-    let saved = state.as_ref().map(|s| s.known.plan.clone().restored());
+    let saved = state.as_ref().map(|s| s.record.plan.clone().restored());
     let is_terminal = io::stdout().is_terminal();
     let plan = options.plan(saved.as_ref(), is_terminal)?;
     let execution = &options.execution;
@@ -103,7 +103,10 @@ fn run(
     // Check what needs no scene, and prepare the scene
     check(&plan)?;
     start_threads(&plan)?;
-    let targets = files::open(&plan)?;
+    let targets = match execution.sample {
+        Some(_) => vec![],
+        None => files::open(&plan)?,
+    };
     let reference = files::reference(&plan)?;
     let cache = plan.cache.as_deref();
     let cache = cache.map(Checkpoint::of_file).transpose()?;
@@ -195,12 +198,9 @@ fn render(
     let renderer = &mut *ranks.lead(renderer, &key);
     // Prepare the files of the run
     let (run_key, saved) = (key.clone(), plan.saved(&directory));
-    let known = Known { run_key, plan: saved, report, learnt };
-    let view = world.view();
-    let scene = plan.camera().map(|_| (&world.bvh, &view));
+    let record = RunRecord { run_key, plan: saved, report, learnt };
     let mut output =
-        RunOutput::new(files.targets, &plan.outputs, known, scene);
-    output.table = world.table();
+        RunOutput::new(files.targets, &plan.outputs, record, Some(world));
     // Collect the limits
     let began = Instant::now();
     let left = limits.deadline.map(|end| {
@@ -214,10 +214,24 @@ fn render(
     // Render, with a bar that is up to date
     let bar = render_bar(host.start, plan.budget.time);
     watchdog.renders(bar.clone());
-    let shows = Shows { bar: &bar, limits: &limits, area: film.area() };
-    shows.begin(renderer.training_rays(shows.area), &convergence);
+    let area = film.area();
+    // Show how far the run is
+    let show = |convergence: &Convergence| {
+        let spp = convergence.expected(&limits, area);
+        let expected = spp.map(|spp| spp.saturating_mul(area));
+        let paths = convergence.spp.saturating_mul(area);
+        let mut text = format!("{} spp, ", convergence.spp);
+        if let Some(rmse) = convergence.last().rmse {
+            text += &format!("rmse {rmse:.2e}, ");
+        }
+        update(&bar, (paths, expected), "paths", text);
+    };
+    match renderer.training_rays(area) {
+        0 => show(&convergence),
+        rays => update(&bar, (0, Some(rays)), "rays", "learning, ".into()),
+    }
     let mut after = |convergence: &Convergence, film: &Film| {
-        shows.update(convergence);
+        show(convergence);
         let written = output.write(convergence, film, Some(Instant::now()));
         if let Err(error) = written {
             bar.suspend(|| progress::warn(&error.to_string()));
@@ -236,52 +250,21 @@ fn render(
     }
     // End without an image if there is no sample
     let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
-    if is_over && film.unsampled() == film.area() {
-        let learns = renderer.training_rays(film.area()) > 0;
+    if is_over && film.unsampled() == area {
+        let learns = renderer.training_rays(area) > 0;
         let doing = if learns { "learning" } else { "rendering" };
-        let message = stop.without_image(doing);
+        let message = without_image(stop, doing);
         if stop == Stop::Time {
             return Err(message.into());
         }
         progress::error(&message);
         return Ok(stop);
     }
-    finish(output, &film, &convergence, (host, files.shown))?;
+    if !key.only_learns() {
+        warn_of_receivers(world, &film, host);
+    }
+    finish(output, &film, &convergence, files.shown)?;
     Ok(stop)
-}
-
-/// A bar that shows how far a run is.
-struct Shows<'a> {
-    bar: &'a ProgressBar,
-    limits: &'a Limits<'a>,
-    /// The number of pixels.
-    area: u64,
-}
-
-impl Shows<'_> {
-    /// Shows that so many rays of training come first, if any.
-    fn begin(&self, training: u64, convergence: &Convergence) {
-        match training {
-            0 => self.update(convergence),
-            rays => {
-                let what = "learning, ".to_owned();
-                update(self.bar, (0, Some(rays)), "rays", what);
-            }
-        }
-    }
-
-    /// Shows how far a run is.
-    fn update(&self, convergence: &Convergence) {
-        let &Self { bar, limits, area } = self;
-        let spp = convergence.expected(limits, area);
-        let expected = spp.map(|spp| spp.saturating_mul(area));
-        let paths = convergence.spp.saturating_mul(area);
-        let mut text = format!("{} spp, ", convergence.spp);
-        if let Some(rmse) = convergence.last().rmse {
-            text += &format!("rmse {rmse:.2e}, ");
-        }
-        update(bar, (paths, expected), "paths", text);
-    }
 }
 
 /// Writes the files a last time, and prints what is to be known of the run.
@@ -289,21 +272,17 @@ fn finish(
     mut output: RunOutput,
     film: &Film,
     convergence: &Convergence,
-    (host, shown): (Host, Option<&Path>),
+    shown: Option<&Path>,
 ) -> Result<()> {
-    let only_learns = output.known.run_key.only_learns();
-    if !only_learns {
-        warn_of_receivers(&output, film, host);
-    }
     output.write(convergence, film, None)?;
-    if only_learns {
+    if output.record.run_key.only_learns() {
         let Convergence { rays, seconds, .. } = convergence;
         progress::inform(&format!("learnt    {rays} rays, {seconds:.3} s"));
         return Ok(());
     }
     // Print the summary
     if !progress::is_quiet() {
-        let report = output.known.report.complete(film);
+        let report = output.record.report.complete(film);
         let file = shown.map(|path| ("file", path.display().to_string()));
         for (name, text) in
             report.summary(film.area()).into_iter().chain(file)
@@ -316,15 +295,15 @@ fn finish(
 
 /// Warns of receivers that get no light, and of those that seem to be inside
 /// a body.
-fn warn_of_receivers(output: &RunOutput, film: &Film, host: Host) {
-    let Some((table, all)) = output.table else { return };
+fn warn_of_receivers(world: &World, film: &Film, host: Host) {
+    let Some((table, receivers)) = world.table() else { return };
     let first = film.window.corner.1 as usize;
-    let means = all.numbers[first..].iter().zip(film.means());
+    let means = receivers.numbers[first..].iter().zip(film.means());
     let dark = means.filter(|(_, mean)| *mean == 0.);
     let dark: BTreeSet<_> = dark.map(|(number, _)| number).collect();
     if dark.len() as u64 == film.area() {
         host.warn("no light arrives: does a face close each opening?");
     }
     let is_meant = |why, number| why == INSIDE && dark.contains(&number);
-    host.warn_all(&table.file, table.odd(all, is_meant));
+    host.warn_all(&table.file, table.odd(receivers, is_meant));
 }

@@ -6,7 +6,6 @@
 use std::num::{IntErrorKind, ParseIntError};
 use std::str::FromStr;
 
-use clap::ValueEnum;
 use glam::DVec3;
 
 use crate::film::digits;
@@ -44,26 +43,17 @@ pub fn parse_direction(text: &str) -> Result<DVec3, String> {
 
 /// The method that is asked for; none if a pilot is to choose one. The parser
 /// takes a bare `Option` for an option that may be left out.
-pub type AskedMethod = Option<Method>;
+pub type RequestedMethod = Option<Method>;
 
 /// Parses the name of a method, or `auto`.
-pub fn parse_method(name: &str) -> Result<AskedMethod, String> {
-    let mut all = Method::ALL.into_iter();
-    match all.find(|method| method.to_string() == name) {
+pub fn parse_method(name: &str) -> Result<RequestedMethod, String> {
+    let mut methods = Method::ALL.into_iter();
+    match methods.find(|method| method.to_string() == name) {
         None if name != "auto" => {
             Err("expected auto, reference, sobol or gather".to_owned())
         }
         method => Ok(method),
     }
-}
-
-/// Which error is limited.
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub enum Norm {
-    /// The root mean square of all pixels.
-    Rms,
-    /// That of the worst pixel.
-    Max,
 }
 
 /// Parses an error to reach, and whether it is relative.

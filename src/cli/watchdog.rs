@@ -35,8 +35,8 @@ fn register() -> io::Result<Interrupt> {
     // A file beyond the limit of size is an error, not the end.
     flag::register(SIGXFSZ, Arc::default())?;
     let ends = [SIGINT, SIGTERM, SIGHUP];
-    let all = ends.into_iter().chain([SIGXCPU, SIGUSR1, SIGUSR2]);
-    for signal in all.filter(|&signal| !is_ignored(signal)) {
+    let signals = ends.into_iter().chain([SIGXCPU, SIGUSR1, SIGUSR2]);
+    for signal in signals.filter(|&signal| !is_ignored(signal)) {
         // Register what a signal does
         if ends.contains(&signal) {
             let shut_down = flag::register_conditional_shutdown;
@@ -91,7 +91,7 @@ impl Watchdog {
                 let is_over = end.is_some_and(|end| Instant::now() >= end);
                 match signal.or(is_over.then_some(Stop::Time)) {
                     Some(stop) if !stage.renders => {
-                        progress::error(&stop.without_image(&stage.name));
+                        progress::error(&without_image(stop, &stage.name));
                         process::exit(status(stop, 1).into());
                     }
                     Some(Stop::Signal(_)) => {
@@ -143,6 +143,16 @@ pub fn hard_deadline(budget: &Budget, start: Instant) -> Option<Instant> {
     let more = (0.025 * budget.time?).max(0.5);
     let more = Duration::try_from_secs_f64(more).ok()?;
     budget.deadline(start)?.checked_add(more)
+}
+
+/// That there is no image because of a stop, while something was done.
+pub fn without_image(stop: Stop, doing: &str) -> String {
+    match stop {
+        Stop::Signal(signal) => {
+            format!("no image: signal {signal} came while {doing}")
+        }
+        _ => format!("no image: --time ran out while {doing}"),
+    }
 }
 
 /// The exit status of a stop, which is `other` if it is no signal.

@@ -92,6 +92,10 @@ const UNIT: f64 = power_of_two(32);
 
 impl Film {
     /// The film of a whole image of at least one pixel, without a sample.
+    ///
+    /// # Panics
+    /// There is too little memory. A run asks for it before
+    /// ([`Run::film`](crate::run::Run::film)).
     pub fn new(width: u32, height: u32) -> Self {
         let window = Window { corner: (0, 0), size: (width, height) };
         Self::cropped((width, height), window, false)
@@ -122,6 +126,9 @@ impl Film {
 
     /// The film of a window that lies within an image of this `resolution`,
     /// or within a list.
+    ///
+    /// # Panics
+    /// There is too little memory, as for [`Film::new`].
     pub fn cropped(
         resolution: (u32, u32),
         window: Window,

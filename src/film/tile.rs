@@ -92,7 +92,7 @@ pub fn parse_size(text: &str) -> Result<(u32, u32)> {
 }
 
 /// The most pixels that an image is wide or high.
-const MAX_SIDE: u32 = 16384;
+pub const MAX_SIDE: u32 = 16384;
 
 /// An integer of digits alone.
 pub fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {

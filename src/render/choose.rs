@@ -11,7 +11,7 @@ mod sampling;
 
 pub use pilot::Pilot;
 pub use policy::default_samples;
-pub use policy::{Budget, Choice, MIN_PATHS, Request, Vantage};
+pub use policy::{Budget, Choice, MIN_PATHS, Request};
 pub(crate) use policy::{
     expected_rays, samples_if_known, samples_to_error,
 };

@@ -4,23 +4,24 @@
 //! One sample, step by step: what it meets, why it ends, and what it adds to
 //! its pixel.
 
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::fmt;
+use std::sync::OnceLock;
 
 use glam::DVec3;
 
+use super::Job;
 use super::choose::{Method, Sampling, Setup};
-use super::{Job, Pass, Trace};
 use crate::analysis::background::TileContent;
-use crate::bvh::{Bvh, Dispatch, GROUND, Hit, Intersector, NONE};
+use crate::bvh::{BEAM, Bvh, GROUND, Hit, Intersector, NONE};
 use crate::camera::typed;
-use crate::film::{Film, Window};
+use crate::film::Film;
 use crate::integrator::gather::{Gather, Learnt, Tracer};
-use crate::integrator::{Integrator, PathEvent, PathState, PathTracer};
+use crate::integrator::{Integrator, PathEvent, PathTracer};
 use crate::integrator::{ROULETTE_THRESHOLD, SingleProcess, gather};
 use crate::sampler::sobol::scramble_key;
 use crate::sampler::{Sampler, within};
 use crate::scene::Frame;
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, Starts};
 
 /// A surface on the way of a sample.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +56,21 @@ pub enum Ending {
         /// The error that is expected of it.
         error: f32,
     },
+}
+
+impl fmt::Display for Ending {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Known => write!(out, "known beforehand"),
+            Self::Sky => write!(out, "the sky, or what is below it"),
+            Self::Black => write!(out, "a surface that is black"),
+            Self::Roulette => write!(out, "roulette, the path is weak"),
+            Self::ManyBounces => write!(out, "roulette, it is long"),
+            Self::Cell { radiance, error } => {
+                write!(out, "a cell of radiance {radiance} \u{b1} {error}")
+            }
+        }
+    }
 }
 
 /// What has happened to one sample.
@@ -114,81 +130,59 @@ impl Setup<'_> {
     }
 }
 
-/// A path tracer that records its last path.
-struct Recorder<'a> {
-    paths: PathTracer<'a>,
-    trace: Mutex<SampleTrace>,
-}
-
-impl Recorder<'_> {
-    fn trace(&self) -> MutexGuard<'_, SampleTrace> {
-        self.trace.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Integrator for Recorder<'_> {
-    type Path = PathState;
-
-    fn begin(&self, direction: DVec3) -> PathState {
-        self.trace().direction = direction;
-        self.paths.begin(direction)
-    }
-
-    fn advance(
-        &self,
-        path: &mut PathState,
-        hit: Option<Hit>,
-        sampler: &mut impl Sampler,
-    ) -> PathEvent {
-        let is_weak = path.throughput < ROULETTE_THRESHOLD;
-        let event = self.paths.advance(path, hit, sampler);
-        // Record one step of a path
-        let mut trace = self.trace();
-        let throughput = path.throughput;
-        let vertex = |hit: Hit| {
-            let albedo = self.paths.surfaces.albedo(hit.primitive);
-            Vertex { hit, albedo, throughput }
-        };
-        let vertex = hit.map(vertex);
-        trace.vertices.extend(vertex);
-        if let PathEvent::Terminate(value) = event {
-            trace.value = value;
-            trace.ending = match vertex {
-                None => Ending::Sky,
-                Some(vertex) if vertex.albedo == 0. => Ending::Black,
-                _ if is_weak => Ending::Roulette,
-                _ => Ending::ManyBounces,
-            };
-        }
-        event
-    }
-}
-
 impl<K: Intersector, S: Sampler> Job<'_, K, PathTracer<'_>, S> {
     /// Traces a sample of a pixel of an image of this resolution.
     fn trace(
         &self,
         resolution: (u32, u32),
-        pixel: (u32, u32),
+        (x, y): (u32, u32),
         number: u64,
     ) -> SampleTrace {
-        let &Self { sensor, intersector, known_pixels, .. } = self;
-        if let TileContent::Constant(value) = known_pixels.content(pixel) {
-            return SampleTrace { value, ..SampleTrace::default() };
+        let mut trace = SampleTrace::default();
+        let content = self.known_pixels.content((x, y));
+        if let TileContent::Constant(value) = content {
+            return SampleTrace { value, ..trace };
         }
-        let trace = Mutex::default();
-        let integrator = Recorder { paths: self.integrator, trace };
-        let sampler = self.sampler.clone();
-        let job =
-            Job { sensor, intersector, integrator, known_pixels, sampler };
-        // Render the sample alone
-        let window = Window { corner: pixel, size: (1, 1) };
-        let film = Film::cropped(resolution, window, false);
-        let tile = film.tile(pixel.0, pixel.1);
-        let pass = &Pass { job: &job, resolution, watch: &|_| true };
-        let samples = number..number + 1;
-        Trace { pass, tile, samples }.with(intersector);
-        job.integrator.trace().clone()
+        // Start the sample alone
+        let Self { sensor, intersector, integrator, .. } = self;
+        let pixel = u64::from(y) * u64::from(resolution.0) + u64::from(x);
+        let mut sampler = self.sampler.start(pixel, number);
+        let mut places = [None; BEAM];
+        places[0] = Some(((x, y), sampler.get_pixel_2d()));
+        let sees_sky = content == TileContent::Sky;
+        let Starts { directions, hits, .. } =
+            sensor.starts(*intersector, &places, resolution, sees_sky);
+        trace.direction = directions[0];
+        let (mut path, mut hit) =
+            (integrator.begin(directions[0]), hits[0]);
+        loop {
+            // Record one step of a path
+            let is_weak = path.throughput < ROULETTE_THRESHOLD;
+            let event = integrator.advance(&mut path, hit, &mut sampler);
+            let throughput = path.throughput;
+            let vertex = hit.map(|hit| {
+                let albedo = integrator.surfaces.albedo(hit.primitive);
+                Vertex { hit, albedo, throughput }
+            });
+            trace.vertices.extend(vertex);
+            match event {
+                PathEvent::Scatter(ray, from) => {
+                    hit = intersector.first_hit(&ray, Some(from));
+                }
+                PathEvent::Terminate(value) => {
+                    trace.value = value;
+                    trace.ending = match vertex {
+                        None => Ending::Sky,
+                        Some(vertex) if vertex.albedo == 0. => {
+                            Ending::Black
+                        }
+                        _ if is_weak => Ending::Roulette,
+                        _ => Ending::ManyBounces,
+                    };
+                    return trace;
+                }
+            }
+        }
     }
 }
 
@@ -278,7 +272,7 @@ impl SampleTrace {
         }
         // Print the ending and the value
         let Self { ending, value, .. } = self;
-        text += &format!("end        {ending:?}\nvalue      {value}\n");
+        text += &format!("end        {ending}\nvalue      {value}\n");
         if let Some(whole) = self.scramble {
             let Scramble { number, count, value, correction } = whole;
             text += &format!(

@@ -8,7 +8,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
 
 use super::plot::plot;
-use super::result::{Report, as_typed, known, with_error};
+use super::result::{Report, as_typed, rounded, with_error};
 use crate::compare::display::{Curve, errors, shrink, tonemap};
 use crate::image::{Format, Image};
 use crate::key::entries;
@@ -104,7 +104,7 @@ fn pictures(report: &Report, image: &Image) -> Markup {
     let size = format!("{}x{} pixels", image.width, image.height);
     let least = image.means.iter().copied().fold(f64::INFINITY, f64::min);
     let most = image.means.iter().copied().fold(0., f64::max);
-    let range = [least, most].map(|radiance| known(Some(radiance), 4));
+    let range = [least, most].map(|radiance| rounded(Some(radiance), 4));
     let range = range.join(" to ");
     let image = shrink(image, LARGEST);
     let white = libm::exp2(-report.page_exposure);
@@ -123,14 +123,14 @@ fn pictures(report: &Report, image: &Image) -> Markup {
         figure {
             (picture(&shown, "The rendered image"))
             figcaption { "The image, " (size) ", radiance from " (range)
-                ". White is " (known(Some(white), 3)) "; the sky has 1." }
+                ". White is " (rounded(Some(white), 3)) "; the sky has 1." }
         }
         @if let Some((map, white)) = map {
             figure {
                 (picture(&map, "A map of the standard error"))
                 figcaption { "The standard error of each pixel. "
                     @if exact { "It is zero in all of them." }
-                    @else { "White is " (known(Some(white), 6))
+                    @else { "White is " (rounded(Some(white), 6))
                         " or more, or unknown." }
                 }
             }
@@ -175,10 +175,10 @@ fn points(curve: &[CurvePoint]) -> Markup {
             @for point in curve {
                 tr {
                     td { (point.spp) }
-                    td { (known(Some(point.seconds), 3)) }
+                    td { (rounded(Some(point.seconds), 3)) }
                     td { (point.rays) }
-                    td { (known(point.rmse, 6)) }
-                    @if compared { td { (known(point.rmse_reference, 6)) } }
+                    td { (rounded(point.rmse, 6)) }
+                    @if compared { td { (rounded(point.rmse_reference, 6)) } }
                     td { (with_error(point.mean, point.mean_stderr)) }
                 }
             }

@@ -49,9 +49,9 @@ pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
     let estimated = points(|point| point.rmse);
     let truth = points(|point| point.rmse_reference);
     let last = *estimated.last().or(truth.last())?;
-    let all = estimated.iter().chain(&truth);
-    let x = Axis::over(all.clone().map(|p| p.0), WIDTH);
-    let y = Axis::over(all.map(|p| p.1), HEIGHT);
+    let drawn = estimated.iter().chain(&truth);
+    let x = Axis::over(drawn.clone().map(|p| p.0), WIDTH);
+    let y = Axis::over(drawn.map(|p| p.1), HEIGHT);
     // Turn points into the ends of lines
     let place = |&(t, e): &(f64, f64)| (x.place(t), HEIGHT - y.place(e));
     let line = |points: &[(f64, f64)]| {

@@ -130,8 +130,9 @@ pub struct Report {
     #[serde(skip)]
     pub is_dark: bool,
     /// Which error is held against the target.
+    #[serde(rename = "measure")]
     #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
-    pub measure: ErrorNorm,
+    pub norm: ErrorNorm,
     /// How wrong the filtered picture is, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<PictureError>,
@@ -141,7 +142,7 @@ impl Report {
     /// The report of the run as it stands, with its film.
     pub fn complete(&self, film: &Film) -> Self {
         let mut now = self.clone();
-        let limits = Limits { measure: self.measure, ..Limits::default() };
+        let limits = Limits { norm: self.norm, ..Limits::default() };
         now.convergence.record(film, &limits);
         now.unsampled_pixels = film.unsampled();
         now.negative_pixels = film.darker(0.);
@@ -268,11 +269,11 @@ impl Report {
         };
         let mut text = format!("{spp} spp, mean {value} {mean}");
         if last.rmse.is_some() {
-            text += &format!(", rmse {}", known(last.rmse, 6));
+            text += &format!(", rmse {}", rounded(last.rmse, 6));
         }
         let truth = last.rmse_reference;
         if truth.is_some() {
-            text += &format!(", {} from the reference", known(truth, 6));
+            text += &format!(", {} from the reference", rounded(truth, 6));
         }
         text
     }
@@ -280,7 +281,7 @@ impl Report {
     /// Why the run stopped, and whether its targets were met.
     pub fn verdict(&self) -> String {
         let Convergence { spp: there, stopped, .. } = self.convergence;
-        let rmse = self.convergence.last().judged(self.measure);
+        let rmse = self.convergence.last().judged(self.norm);
         let mut text = match stopped {
             None => return "still running".to_owned(),
             Some(Stop::Signal(_)) => "stopped by a signal".to_owned(),
@@ -295,11 +296,11 @@ impl Report {
         if let Some(target) = self.settings.error {
             let small = rmse.is_some_and(|rmse| rmse <= target);
             let met = small || stopped == Some(Stop::Error);
-            let ErrorNorm { relative, largest } = self.measure;
+            let ErrorNorm { relative, largest } = self.norm;
             let largest = if largest { "largest " } else { "" };
             let relative = if relative { "relative " } else { "" };
             let (error, not) =
-                (known(rmse, 6), if met { "" } else { "not " });
+                (rounded(rmse, 6), if met { "" } else { "not " });
             text += &format!(
                 "; {largest}{relative}error {error}, target {target} {not}reached"
             );
@@ -310,7 +311,7 @@ impl Report {
 
 /// A number to so many decimals, or more if that shows less than two digits
 /// of it; or that it is unknown.
-pub fn known(x: Option<f64>, decimals: usize) -> String {
+pub fn rounded(x: Option<f64>, decimals: usize) -> String {
     match x.filter(|x| x.is_finite()) {
         Some(x) => format!("{x:.*}", places(x, decimals)),
         None => "unknown".to_owned(),
@@ -335,10 +336,10 @@ fn places(x: f64, least: usize) -> usize {
 /// A mean with its standard error.
 pub(crate) fn with_error(mean: f64, error: Option<f64>) -> String {
     let places = places(error.unwrap_or(mean), 6);
-    let mean = known(Some(mean), places);
+    let mean = rounded(Some(mean), places);
     match error {
         Some(error) => {
-            format!("{mean} \u{b1} {}", known(Some(error), places))
+            format!("{mean} \u{b1} {}", rounded(Some(error), places))
         }
         None => format!("{mean}, error unknown"),
     }
@@ -383,10 +384,11 @@ impl Report {
     /// The slopes of the estimated error against seconds and against
     /// samples, in logarithms.
     pub fn slopes(&self) -> [Option<f64>; 2] {
-        let known = |p: &&CurvePoint| p.rmse.is_some_and(drawable);
+        let has_error = |p: &&CurvePoint| p.rmse.is_some_and(drawable);
         let points = self.convergence.curve.iter();
         let points = points.filter(|p| p.spp >= FEWEST);
-        let points = points.filter(known).filter(|p| drawable(p.seconds));
+        let points =
+            points.filter(has_error).filter(|p| drawable(p.seconds));
         let slope_of = |spent: fn(&CurvePoint) -> f64| {
             let point = |p: &CurvePoint| Some((spent(p), p.rmse?));
             slope(&points.clone().filter_map(point).collect::<Vec<_>>())

@@ -27,7 +27,7 @@ const MAGIC: &[u8] = b"litpt checkpoint 9\n";
 
 /// What is known of a run beside its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Known {
+pub struct RunRecord {
     /// What decides the samples.
     pub run_key: RunKey,
     /// What the run does; its files have full names.
@@ -39,7 +39,7 @@ pub struct Known {
     pub learnt: Arc<OnceLock<Learnt>>,
 }
 
-impl Known {
+impl RunRecord {
     /// The samples of each pixel in a replicate, if they differ.
     pub fn allocation(&self) -> Option<&[u32]> {
         Some(&self.learnt.get()?.allocation.counts)
@@ -62,16 +62,16 @@ impl Known {
 
 /// Writes a checkpoint.
 pub fn save(
-    known: &Known,
+    record: &RunRecord,
     film: &Film,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let mut out = Checked { out, checksum: Sha256::new() };
     out.write_all(MAGIC)?;
-    serde_json::to_writer(&mut out, known)?;
+    serde_json::to_writer(&mut out, record)?;
     out.write_all(b"\n")?;
-    learnt::write(&known.learnt, &mut out)?;
-    if !known.run_key.only_learns() {
+    learnt::write(&record.learnt, &mut out)?;
+    if !record.run_key.only_learns() {
         film.write(&mut out)?;
     }
     let Checked { out, checksum } = out;
@@ -106,9 +106,9 @@ fn recognise(file: &mut (impl BufRead + Seek)) -> Result<()> {
     let mut start = file.by_ref().take(MAGIC.len() as u64);
     start.read_to_end(&mut magic).map_err(unreadable)?;
     if magic != MAGIC {
-        return Err("is not a checkpoint of this version of pt, which \
-                    -o a.litpt or --checkpoint writes"
-            .into());
+        let fault =
+            "is not a checkpoint of this version of pt, a .litpt file";
+        return Err(fault.into());
     }
     // Compare the checksum with the content
     let length = file.seek(SeekFrom::End(0)).map_err(unreadable)?;
@@ -135,7 +135,7 @@ pub struct Checkpoint<R = BufReader<File>> {
     /// What it is called, for people.
     pub name: String,
     /// What was known of its run.
-    pub known: Known,
+    pub record: RunRecord,
     /// The file from the first sum on, if it has any.
     sums: Option<R>,
 }
@@ -149,12 +149,12 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         recognise(&mut file)?;
         let mut line = vec![];
         file.read_until(b'\n', &mut line).map_err(unreadable)?;
-        let mut known: Known = serde_json::from_slice(&line)
+        let mut record: RunRecord = serde_json::from_slice(&line)
             .map_err(|e| shortened(&format!("is not a checkpoint: {e}")))?;
-        known.learnt = learnt::read(&mut file, &known.run_key)
+        record.learnt = learnt::read(&mut file, &record.run_key)
             .map_err(|e| format!("what was learnt is damaged: {e}"))?;
-        let sums = (!known.run_key.only_learns()).then_some(file);
-        Ok(Self { name: String::new(), known, sums })
+        let sums = (!record.run_key.only_learns()).then_some(file);
+        Ok(Self { name: String::new(), record, sums })
     }
 
     /// Fills the `film`, and returns the convergence so far.
@@ -169,9 +169,9 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     ) -> Result<Convergence> {
         let name = self.name.clone();
         let named = |fault: Error| fault.of_file(&name);
-        self.known.belongs_to(run_key).map_err(named)?;
+        self.record.belongs_to(run_key).map_err(named)?;
         self.fill(film).map_err(named)?;
-        Ok(self.known.report.convergence)
+        Ok(self.record.report.convergence)
     }
 
     /// Fills a film of the size that the run key tells.

@@ -12,7 +12,7 @@ use crate::film::{Film, Window};
 use crate::image::extension;
 use crate::key::Part;
 use crate::render_loop::{Convergence, Limits, Stop};
-use crate::state::checkpoint::{Checkpoint, Known};
+use crate::state::checkpoint::{Checkpoint, RunRecord};
 
 /// Whether a file of this name is to hold the state of a run.
 pub fn is_state_name(path: &Path) -> bool {
@@ -49,7 +49,7 @@ impl Held {
 /// What the states of parts add up to.
 pub struct Merged {
     /// What is known of the whole run; its curve has one point.
-    pub known: Known,
+    pub record: RunRecord,
     /// The sums of the whole window.
     pub film: Film,
     /// The samples that no state holds, in words.
@@ -68,23 +68,24 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
     for path in files {
         let (first, name) = (files[0].display(), path.display());
         let mut state = Checkpoint::of_file(path)?;
-        let mut film = state.known.run_key.film();
-        let part = state.known.run_key.part;
-        state.known.run_key.part = part.map(Part::whole);
-        let Known { run_key, report, learnt, .. } = state.known.clone();
+        let mut film = state.record.run_key.film();
+        let part = state.record.run_key.part;
+        state.record.run_key.part = part.map(Part::whole);
+        let RunRecord { run_key, report, learnt, .. } =
+            state.record.clone();
         let merged = sum.get_or_insert_with(|| {
-            let (film, known) = (run_key.film(), state.known.clone());
-            Merged { film, known, missing: None }
+            let (film, record) = (run_key.film(), state.record.clone());
+            Merged { film, record, missing: None }
         });
         // Refuse a state of another run
-        let differs = merged.known.run_key.disagreement(&run_key);
+        let differs = merged.record.run_key.disagreement(&run_key);
         if let Some((what, [a, b])) = differs {
             return Err(format!(
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
             )
             .into());
         }
-        let both = (merged.known.learnt.get(), learnt.get());
+        let both = (merged.record.learnt.get(), learnt.get());
         if matches!(both, (Some(ours), Some(own)) if ours != own) {
             return Err(format!(
                 "{first} and {name} have not learnt the same"
@@ -92,7 +93,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
             .into());
         }
         if both.0.is_none() {
-            merged.known.learnt = learnt;
+            merged.record.learnt = learnt;
         }
         // Refuse samples that another state holds
         let spp = report.convergence.spp;
@@ -114,7 +115,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
         total.rays += report.convergence.rays;
         total.seconds += report.convergence.seconds;
         if !held.is_empty() {
-            merged.known.report.add(&report);
+            merged.record.report.add(&report);
         }
         let (from, to) = samples;
         let samples = (from, to.min(from + film.samples()));
@@ -122,22 +123,22 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
     }
     // Say what the sum has and what it lacks
     let mut merged = sum.ok_or("there is nothing to merge")?;
-    let Merged { known, film, .. } = &mut merged;
+    let Merged { record, film, .. } = &mut merged;
     total.spp = film.samples();
     total.record(film, &Limits::default());
     let held: Vec<_> = held.iter().map(|(_, [_, there])| *there).collect();
-    let of = known.run_key.part.take().map_or(total.spp, |part| part.of);
+    let of = record.run_key.part.take().map_or(total.spp, |part| part.of);
     let missing = missing(film.window, of, &held);
     // Describe the whole run
     total.stopped = missing.is_none().then_some(Stop::Samples);
-    let settings = &mut known.report.settings;
+    let settings = &mut record.report.settings;
     (settings.part, settings.spp) = (None, Some(of));
     settings.missing.clone_from(&missing);
-    known.report.convergence = total;
-    known.report.sign("ptimg");
-    known.run_key.filtered = !film.halves.is_empty();
-    known.plan.part = None;
-    known.plan.outputs.files.clear();
+    record.report.convergence = total;
+    record.report.sign("ptimg");
+    record.run_key.filtered = !film.halves.is_empty();
+    record.plan.part = None;
+    record.plan.outputs.files.clear();
     merged.missing = missing;
     Ok(merged)
 }

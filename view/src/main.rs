@@ -33,12 +33,12 @@ use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{GROUND, Hit};
 use litpt::camera::{View, typed};
-use litpt::cli::options::{Error, Options, ViewOptions, parse_words};
+use litpt::cli::options::{self, Options, ViewOptions, parse_words};
 use litpt::cli::ranks::start_threads;
 use litpt::cli::run::fail;
 use litpt::cli::{progress, watchdog};
 use litpt::compare::display::auto_stops;
-use litpt::error::Result;
+use litpt::error::{Error, Result};
 use litpt::film::{Film, NEIGHBOUR_WEIGHT, Watch};
 use litpt::filter::{Filtered, FirstHits, surface_means};
 use litpt::host::{Event, Host, Interrupt};
@@ -122,27 +122,30 @@ fn main() -> ExitCode {
     run().map_or_else(fail, |()| ExitCode::SUCCESS)
 }
 
-fn run() -> Result<(), Error> {
-    let (mut options, _) = parse_words::<ViewOptions>(env::args_os())?;
+fn run() -> Result<(), options::Error> {
+    let mut options: ViewOptions = parse_words(env::args_os())?;
     let interrupt = watchdog::listen()?;
     let settings = begin(&mut options.words);
     // Make a viewer of the scene
-    let token =
-        secret().map_err(|e| format!("cannot choose a secret: {e}"))?;
+    let token = secret().map_err(Error::cannot("read", RANDOM))?;
     let wanted = Mutex::new(Wanted { settings, ..Wanted::default() });
     let mut viewer = Viewer { options, token, wanted, ..Viewer::default() };
     let words = viewer.words(&lock(&viewer.wanted).settings);
-    let first = Options::parse(words)?.plan(None, false)?;
+    let typed = Options::parse(words)?;
+    let first = typed.plan(None, false)?;
     let is_whole = first.camera().is_some_and(|it| it.crop.is_none());
-    if !is_whole || is_dash(&first.scene) {
-        let fault = "ptview shows whole images of a file, and no receivers";
-        return Err(fault.to_owned().into());
+    let prints =
+        typed.execution.dry_run || typed.execution.sample.is_some();
+    if !is_whole || prints || is_dash(&first.scene) {
+        let fault = "ptview shows whole images of a file: no receivers, and no \
+                     --crop, --sample or --dry-run";
+        return Err(Error::from(fault).into());
     }
     start_threads(&first)?;
     viewer.scene = RwLock::new(Some(open(first)?));
     progress::set_quiet(true);
     // Serve a page on a free port of this machine
-    let fault = |e| format!("cannot serve a page: {e}");
+    let fault = |e| Error::from(format!("cannot serve a page: {e}"));
     let runtime = Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(fault)?;
     let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0"));
@@ -165,10 +168,12 @@ fn run() -> Result<(), Error> {
     Ok(())
 }
 
+const RANDOM: &str = "/dev/urandom";
+
 /// So many random digits that nobody guesses them.
 fn secret() -> io::Result<String> {
     let mut bytes = [0; 16];
-    File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+    File::open(RANDOM)?.read_exact(&mut bytes)?;
     Ok(format!("{:032x}", u128::from_ne_bytes(bytes)))
 }
 
@@ -212,13 +217,14 @@ fn begin(words: &mut Vec<String>) -> Settings {
         let end = end.unwrap_or(if is_long { word.len() } else { 2 });
         let (name, rest) =
             word.split_at_checked(end).unwrap_or((&*word, ""));
-        let known = SETTINGS.iter().find(|it| it.0 == name || it.1 == name);
+        let setting =
+            SETTINGS.iter().find(|it| it.0 == name || it.1 == name);
         let is_plain = |value: &String| !value.contains('=');
         let value = match rest {
-            "" => typed.next_if(|next| known.is_some() && is_plain(next)),
+            "" => typed.next_if(|next| setting.is_some() && is_plain(next)),
             _ => Some(rest.strip_prefix('=').unwrap_or(rest).to_owned()),
         };
-        match (known, value.filter(is_plain)) {
+        match (setting, value.filter(is_plain)) {
             (Some((name, _)), Some(value)) => {
                 settings.insert((*name).to_owned(), value);
             }
@@ -244,12 +250,8 @@ impl Viewer {
     /// The plan of a view with these settings.
     fn plan(&self, settings: &Settings) -> Result<Plan> {
         let options = Options::parse(self.words(settings));
-        options.and_then(|it| it.plan(None, false)).map_err(|error| {
-            match error {
-                Error::Usage(fault) | Error::Failure(fault) => fault.into(),
-                Error::Help(_) => "help is not a view".into(),
-            }
-        })
+        let plan = options.and_then(|it| it.plan(None, false));
+        plan.map_err(|error| error.to_string().into())
     }
 }
 
@@ -560,10 +562,10 @@ impl Viewer {
             let is_step = run.last().spp == run.spp && began >= due;
             let shows = run.spp >= 2 * sampling.net_size && is_step;
             if film.unsampled() == 0 && (shows || is_last) {
-                let known =
+                let point =
                     |p: &CurvePoint| Some((p.seconds, p.rmse? / p.mean));
                 let curve: Vec<_> =
-                    run.curve.iter().filter_map(known).collect();
+                    run.curve.iter().filter_map(point).collect();
                 let method = sampling.method.to_string();
                 let about = json!({
                     "spp": run.spp, "curve": curve, "method": method,
@@ -868,10 +870,11 @@ mod tests {
             overcast -s 7 -r0.5 -rwall=1 --fov 30 -d9x7 --ground";
         let mut words = line.split(' ').map(str::to_owned).collect();
         let settings = begin(&mut words);
-        let all = settings.iter().map(|(name, value)| name.clone() + value);
-        let all: Vec<_> = all.collect();
+        let typed =
+            settings.iter().map(|(name, value)| name.clone() + value);
+        let typed: Vec<_> = typed.collect();
         let taken = "--skyovercast --viewtop -F30 -d9x7 -p1,2,3 -r0.5";
-        assert_eq!(all.join(" "), taken);
+        assert_eq!(typed.join(" "), taken);
         let left = "--materials -r floor=0.2 -s 7 -rwall=1 --ground";
         assert_eq!(words.join(" "), left);
     }

@@ -97,3 +97,16 @@ fn silent_and_slow_clients_keep_nobody_waiting_and_are_let_go() {
         assert!(!end.is_err_and(|e| e.kind() == ErrorKind::WouldBlock));
     }
 }
+
+#[test]
+fn a_view_is_of_a_whole_image_and_is_not_printed() {
+    for word in ["--dry-run", "--sample=1,1,0", "--crop=1,1,2x2", "--faces"]
+    {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ptview"));
+        command.args(["../doc/examples/room.obj", word]);
+        let run = command.output().unwrap();
+        let fault = String::from_utf8(run.stderr).unwrap();
+        assert_eq!(run.status.code(), Some(1), "{word}: {fault}");
+        assert!(fault.contains("ptview shows whole images"), "{fault}");
+    }
+}

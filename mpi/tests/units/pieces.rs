@@ -66,7 +66,7 @@ fn pieces_in_any_order_make_the_film_of_one_pass() {
         let mut expected = film.clone();
         let end = 1 + random(state, 90) as u64;
         fill(&mut expected, end, usize::MAX);
-        let mut shares = vec![Share::default(); 1 + random(state, 9)];
+        let mut shares = vec![RankStats::default(); 1 + random(state, 9)];
         let mut pass = Pass::new(&mut film, end, &mut shares);
         let most = pass.most();
         let mut pieces: Vec<_> = iter::from_fn(|| pass.take()).collect();
@@ -81,7 +81,7 @@ fn pieces_in_any_order_make_the_film_of_one_pass() {
             let Piece { window, first, samples } = pieces.swap_remove(k);
             let mut film = run_key.film_of(window, first);
             fill(&mut film, samples, usize::MAX);
-            let part = Part { film, rays: 7, share: Share::default() };
+            let part = Part { film, rays: 7, share: RankStats::default() };
             let part = Part::from_bytes(&part.to_bytes(), &run_key);
             pass.add(0, part.unwrap());
         }

@@ -36,7 +36,7 @@ impl Renderer for Gather<'_> {
     }
 
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        let is_alone = || self.communicator.place().1 == 1;
+        let is_alone = || self.communicator.rank_and_size().1 == 1;
         assert!(self.learnt.get().is_some() || is_alone(), "unlearnt");
         let rays = self.learn(film, &|_| watch(0));
         let Some(learnt) = self.learnt.get() else { return rays };

@@ -106,7 +106,7 @@ fn find_together<T: Pod + Send>(
     found: &mut Vec<T>,
     watch: &Watch,
 ) -> Option<u64> {
-    let (place, of) = prototype.communicator.place();
+    let (place, of) = prototype.communicator.rank_and_size();
     let range = pieces * place / of..pieces * (place + 1) / of;
     let (found_here, rays): (Vec<_>, Vec<_>) =
         range.into_par_iter().map(&find).unzip();

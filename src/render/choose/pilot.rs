@@ -76,14 +76,14 @@ impl Trial<'_> {
         let Window { corner: (left, top), size } = self.window;
         let x = left + random.random_range(0..size.0);
         let y = top + random.random_range(0..size.1);
-        let known = &self.setup.analysis.known_pixels;
-        if known.content((x, y)) != TileContent::Scene {
+        let known_pixels = &self.setup.analysis.known_pixels;
+        if known_pixels.content((x, y)) != TileContent::Scene {
             return Pilot::default();
         }
         let twins = |n| self.twins(intersector, (x, y), n);
         let [[a, b], [c, d]] = [2 * n, 2 * n + 1].map(twins);
-        let all = [a, b, c, d];
-        if all.iter().all(|path| path.rays == 0) {
+        let paths = [a, b, c, d];
+        if paths.iter().all(|path| path.rays == 0) {
             return Pilot::default();
         }
         // Compare the four paths of a pixel
@@ -93,8 +93,9 @@ impl Trial<'_> {
             let squares = pairs.map(|(p, q)| (p.value - q.value).powi(2));
             squares.sum::<f64>() / (2 * p.len() * q.len()) as f64
         };
-        let mean =
-            |part: fn(&Path) -> f64| all.iter().map(part).sum::<f64>() / 4.;
+        let mean = |part: fn(&Path) -> f64| {
+            paths.iter().map(part).sum::<f64>() / 4.
+        };
         let later = (apart(&[a], &[b]) + apart(&[c], &[d])) / 2.;
         let (one, other) = (a.value + b.value, c.value + d.value);
         let variate = a.variate - c.variate;

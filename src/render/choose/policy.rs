@@ -15,6 +15,7 @@ use super::sampling::{GATHER_RAYS, Method, Sampling, Setup};
 use crate::analysis::SceneAnalysis;
 use crate::bvh::Intersector as _;
 use crate::film::{ErrorNorm, Window};
+use crate::sensor::Sensor;
 
 impl Setup<'_> {
     /// Chooses how the samples of a request are made, or as many as have the
@@ -46,9 +47,7 @@ impl Setup<'_> {
             let samples = samples.into_iter().chain(enough).min();
             let mut sampling = Sampling::new(method, seed, samples, pixels);
             match (method, error) {
-                (Method::Gather, Some((_, measure))) => {
-                    sampling.measure = measure
-                }
+                (Method::Gather, Some((_, norm))) => sampling.norm = norm,
                 (Method::Sobol, _) => sampling.control = percent,
                 _ => (),
             }
@@ -91,13 +90,10 @@ impl Setup<'_> {
         request: &Request,
         saved: Option<Sampling>,
     ) -> (Sampling, Option<Choice>) {
-        let known = self
-            .analysis
-            .known_pixels
-            .is_all()
-            .then_some(Method::Reference);
+        let is_known = self.analysis.known_pixels.is_all();
+        let only = is_known.then_some(Method::Reference);
         let begun = saved.map(|saved| saved.method);
-        let wanted = request.method.or(begun).or(known);
+        let wanted = request.method.or(begun).or(only);
         // Say whether a pilot is needed
         let asks = match wanted {
             None => true,
@@ -204,18 +200,15 @@ impl Budget {
     /// Samples until the root mean square over pixels or receivers of the
     /// standard error is this part of each one's mean.
     pub fn relative_error(error: f64) -> Self {
-        let measure = ErrorNorm { relative: true, largest: false };
-        Self { samples: None, time: None, error: Some((error, measure)) }
+        let norm = ErrorNorm { relative: true, largest: false };
+        Self { samples: None, time: None, error: Some((error, norm)) }
     }
 
     /// Samples until the standard error of each pixel or receiver is at most
     /// this part of its mean.
     pub fn each_within(error: f64) -> Self {
-        let measure = ErrorNorm { relative: true, largest: true };
-        Self {
-            error: Some((error, measure)),
-            ..Self::relative_error(error)
-        }
+        let norm = ErrorNorm { relative: true, largest: true };
+        Self { error: Some((error, norm)), ..Self::relative_error(error) }
     }
 
     /// The time at which a program that began at `start` should end.
@@ -245,17 +238,6 @@ impl Sampling {
     }
 }
 
-/// From where the paths of a run begin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Vantage {
-    /// A camera outside the box around the scene.
-    Outside,
-    /// A camera within it.
-    Inside,
-    /// Receivers.
-    Receivers,
-}
-
 /// Rays per second that a thread is guessed to trace.
 const RATE: f64 = 4e6;
 
@@ -265,20 +247,20 @@ pub(crate) fn expected_rays(
     &Budget { samples, time, error }: &Budget,
     albedo: f64,
     area: usize,
-    from: Vantage,
+    sensor: &Sensor,
 ) -> f64 {
-    let enough = |(error, measure): (f64, ErrorNorm)| {
-        let deviation = match from {
-            _ if measure.relative => 1.,
-            Vantage::Inside => 0.006,
+    let enough = |(error, norm): (f64, ErrorNorm)| {
+        let deviation = match sensor {
+            _ if norm.relative => 1.,
+            Sensor::Camera(_, entrance) if entrance.is_inside => 0.006,
             _ => 0.25,
         };
         (deviation / error).powi(2).max(1.)
     };
     let limits = [samples.map(|n| n as f64), error.map(enough)];
     let samples = limits.into_iter().flatten().reduce(f64::min);
-    let each = match from {
-        Vantage::Outside => 1. + albedo,
+    let each = match sensor {
+        Sensor::Camera(_, entrance) if !entrance.is_inside => 1. + albedo,
         _ => (1. / (1. - albedo)).min(10.),
     };
     let rays = samples.map(|n| n * area as f64 * each);

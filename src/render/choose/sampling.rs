@@ -63,8 +63,9 @@ pub struct Sampling {
     #[serde(rename = "sky_control")]
     pub control: u64,
     /// Of a gather, the error for which its samples are distributed.
+    #[serde(rename = "measure")]
     #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
-    pub measure: ErrorNorm,
+    pub norm: ErrorNorm,
 }
 
 /// The pixels of a window.
@@ -109,8 +110,8 @@ impl Sampling {
             Method::Sobol => (together(least, most), 0),
             Method::Gather => (together(16, gathered), trained),
         };
-        let (control, measure) = (0, ErrorNorm::default());
-        Self { method, seed, net_size, training, control, measure }
+        let (control, norm) = (0, ErrorNorm::default());
+        Self { method, seed, net_size, training, control, norm }
     }
 
     /// The same film, which has no sample, for these samples.
@@ -180,7 +181,7 @@ impl<'a> Setup<'a> {
         communicator: &'a dyn Communicator,
     ) -> Gather<'a> {
         Gather {
-            norm: sampling.measure,
+            norm: sampling.norm,
             view: self.view,
             intersector: self.intersector,
             known_pixels: &self.analysis.known_pixels,
