@@ -289,7 +289,7 @@ impl Shown<'_> {
                 let own = known.allocation();
                 let table = self.table;
                 table.map_or(Ok(()), |(table, all)| {
-                    table.write(format, all, film, own, out)
+                    table.write(format, &table.values(all, film, own), out)
                 })
             }
             Product::State => save(known, film, out),

@@ -126,9 +126,9 @@ impl World {
         // Build the hierarchy
         let rays = rays(plan, &subject, &sensor);
         let rays = rays / host.ranks.place().1 as f64;
-        let quality = Quality::expecting(triangles.len(), rays);
+        let quality = Quality::expecting(triangles.corners.len(), rays);
         warn_of_size(&triangles, host);
-        let total = Some(triangles.len() as u64);
+        let total = Some(triangles.corners.len() as u64);
         host.enter("building the hierarchy", total);
         let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
         let bvh = Bvh::of(triangles, quality, plan.isa(), &placed);
@@ -145,7 +145,7 @@ impl World {
             all.order(around, |hit| grid.order(hit));
             let odd = table.odd(all, |why, _| why != INSIDE);
             host.warn_all(&table.file, odd);
-            check_receivers(plan, table, all.count(), &mut subject)?;
+            check_receivers(plan, table, all.numbers.len(), &mut subject)?;
         }
         let mut world = Self {
             subject,
@@ -351,7 +351,7 @@ fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
 
 /// Warns of triangles that are too small.
 fn warn_of_size(triangles: &crate::scene::Triangles, host: Host) {
-    let (count, all) = (too_small(triangles), triangles.len());
+    let (count, all) = (too_small(triangles), triangles.corners.len());
     if count > 0 {
         host.warn(format!(
             "{count} of {all} triangles: smaller than 2^-40 of the largest, or \
@@ -382,7 +382,7 @@ fn rays(plan: &Plan, subject: &Subject, sensor: &Sensor) -> f64 {
             };
             (window.area(), vantage)
         }
-        Sensor::Receivers(all) => (all.count(), Vantage::Receivers),
+        Sensor::Receivers(all) => (all.numbers.len(), Vantage::Receivers),
     };
     let budget = Budget { samples: plan.goal(1), ..plan.budget };
     expected_rays(&budget, plan.surfaces.albedo, area, vantage)

@@ -321,8 +321,8 @@ impl<const N: usize> Wide<N> {
         quality: Quality,
         placed: &dyn Fn(usize),
     ) -> io::Result<Self> {
-        let mut above = usize::from(triangles.len() > LARGE);
-        while triangles.len() > PART * N.pow(above as u32) {
+        let mut above = usize::from(triangles.corners.len() > LARGE);
+        while triangles.corners.len() > PART * N.pow(above as u32) {
             above += 1;
         }
         Self::under(triangles, quality, above, placed)

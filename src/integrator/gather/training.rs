@@ -36,12 +36,11 @@ impl<K: Intersector> Tracer<'_, K> {
     fn explore(
         &mut self,
         rays: u64,
-        seed: u64,
         piece: u64,
         mut visit: impl FnMut(DVec3),
         watch: &Watch,
     ) -> Vec<Record> {
-        let mut random = generator(seed, TRAINING, piece);
+        let mut random = generator(self.gather.seed, TRAINING, piece);
         let mut records = Vec::with_capacity(rays as usize);
         let (grid, surfaces) = (self.cache.grid, self.gather.view.surfaces);
         let (mut paths, mut reported) = (0, 0);
@@ -143,12 +142,12 @@ pub fn train<K: Intersector>(
     prototype: &Tracer<K>,
     watch: &Watch,
 ) -> Option<(RadianceCache, u64)> {
-    let &Gather { view, seed, training: rays, .. } = prototype.gather;
+    let &Gather { view, training: rays, .. } = prototype.gather;
     // Choose the grid after a first look
     let mut scout = Tracer { rays: 0, ..*prototype };
     let mut points = vec![];
     let visit = |point| points.push(point);
-    scout.explore(rays.min(10_000), seed, u64::MAX, visit, watch);
+    scout.explore(rays.min(10_000), u64::MAX, visit, watch);
     let mut cache = RadianceCache::empty(Grid::around(&points));
     let (mut records, mut traced) = (vec![], scout.rays);
     for (round, percent) in (0..).zip(ROUNDS) {
@@ -158,8 +157,7 @@ pub fn train<K: Intersector>(
             let piece = round * PIECES + piece as u64;
             let mut tracer =
                 Tracer { cache: &cache, rays: 0, ..*prototype };
-            let records =
-                tracer.explore(rays_each, seed, piece, |_| (), watch);
+            let records = tracer.explore(rays_each, piece, |_| (), watch);
             (records, tracer.rays)
         };
         let (found, pieces) = (&mut records, PIECES as usize);
@@ -224,28 +222,21 @@ pub fn allocate<K: Intersector>(
     let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
     let deviations = deviations(window.size, &variances, &scale, watch);
-    let deviations = needs(deviations, &scale, prototype.gather.norm);
-    let middle = average(&deviations).max(f64::MIN_POSITIVE);
-    let count = |d: &f64| {
-        let part = (d / middle).clamp(0.1, 8.);
-        (part * mean as f64).round().max(1.) as u32
-    };
-    let counts = deviations.iter().map(count).collect();
-    Some((Allocation::new(window, counts, scale), rays))
-}
-
-/// What the samples of pixels should be in proportion to, given their
-/// standard deviations and about their radiances.
-fn needs(
-    deviations: Vec<f64>,
-    scale: &[f64],
-    ErrorNorm { relative, largest }: ErrorNorm,
-) -> Vec<f64> {
+    // Find what the samples are in proportion to
+    let ErrorNorm { relative, largest } = prototype.gather.norm;
     let need = |(d, scale): (f64, &f64)| {
         let part = if relative { d / scale } else { d };
         if largest { part * part } else { part }
     };
-    deviations.into_iter().zip(scale).map(need).collect()
+    let needs = deviations.into_iter().zip(&scale).map(need);
+    let needs: Vec<f64> = needs.collect();
+    let middle = average(&needs).max(f64::MIN_POSITIVE);
+    let count = |need: &f64| {
+        let part = (need / middle).clamp(0.1, 8.);
+        (part * mean as f64).round().max(1.) as u32
+    };
+    let counts = needs.iter().map(count).collect();
+    Some((Allocation::new(window, counts, scale), rays))
 }
 
 fn average(numbers: &[f64]) -> f64 {
