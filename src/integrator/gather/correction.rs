@@ -88,8 +88,7 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         for _ in 0..VISIBILITY_TESTS {
             let i = group[self.random.random_range(0..group.len())];
             let x = &self.samples[i].hit;
-            let (factor, direction) = form_factor(x, y);
-            if factor > 0. && self.sees(x, y, direction) {
+            if self.form_factor(x, y, false) > 0. {
                 seen += 1.;
             }
         }
@@ -108,11 +107,8 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         let albedos = group.iter().map(|&i| samples[i].albedo);
         let most = albedos.fold(0., f64::max);
         let factor = |&i: &usize| {
-            let x = &samples[i].hit;
-            let (factor, direction) = form_factor(x, y);
-            let seen =
-                factor > 0. && (i == k || self.sees(x, y, direction));
-            if seen { factor * (samples[i].albedo / most) } else { 0. }
+            let Sample { hit, albedo, .. } = &samples[i];
+            self.form_factor(hit, y, i == k) * (albedo / most)
         };
         let factors: Vec<f64> = group.iter().map(factor).collect();
         let seen = || group.iter().map(|&i| &samples[i]).zip(&factors);
@@ -133,6 +129,20 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         let ray = Ray { origin: x.point, direction };
         let from = Some(x.primitive);
         self.tracer.intersector.is_visible(&ray, from, y.primitive)
+    }
+
+    /// The density with which cosine sampling at `x` finds `y`, per unit of
+    /// area around `y`; zero if one faces away, or if `x` does not see `y`, which
+    /// is not tested if it `is_seen`.
+    fn form_factor(&mut self, x: &Hit, y: &Hit, is_seen: bool) -> f64 {
+        let to = y.point - x.point;
+        let square = to.length_squared();
+        let (here, there) = (x.normal.dot(to), -y.normal.dot(to));
+        let factor = here * there / (PI * square * square);
+        let seen = here > 0.
+            && factor > 0.
+            && (is_seen || self.sees(x, y, to / square.sqrt()));
+        if seen { factor } else { 0. }
     }
 
     /// An unbiased estimate of the radiance at `x`.
@@ -243,18 +253,6 @@ const CANDIDATES: f64 = 4.;
 
 /// Samples of a group that are tested whether they see a place.
 const VISIBILITY_TESTS: u32 = 8;
-
-/// The density with which cosine sampling at `x` finds `y`, per unit of
-/// area around `y`; zero if one faces away. And the direction.
-fn form_factor(x: &Hit, y: &Hit) -> (f64, DVec3) {
-    let to = y.point - x.point;
-    let square = to.length_squared();
-    let (here, there) = (x.normal.dot(to), -y.normal.dot(to));
-    if !(here > 0. && there > 0.) {
-        return (0., to);
-    }
-    (here * there / (PI * square * square), to / square.sqrt())
-}
 
 /// The end of a ray of a gather, which may be corrected.
 struct Candidate {
