@@ -140,6 +140,15 @@ impl<const N: usize> Arrival<'_, N> {
                 return false;
             }
             let near = near(size);
+            // Test how closely a triangle is passed
+            let passes = || {
+                let (direction, met) =
+                    (self.ray.direction, self.around.point);
+                let flat =
+                    corners.map(|p| p - direction * direction.dot(p - met));
+                let normal = direction * normal.dot(direction).signum();
+                !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
+            };
             match leaf.test(lane, shear, size) {
                 // Compare where the ray passes the triangle
                 TriangleTest::Through(at) => {
@@ -148,26 +157,12 @@ impl<const N: usize> Arrival<'_, N> {
                 TriangleTest::Beside(at) => {
                     at.iter().any(|&at| gap(at) <= near)
                         && at.iter().any(|&at| gap(at) >= -near)
-                        && self.passes(corners, normal, close_by)
+                        && passes()
                 }
                 TriangleTest::Apart => false,
             }
         };
         self.around.any(self.wide, self.ray, &asked)
-    }
-
-    /// Whether the ray passes a triangle, with this normal, more closely than
-    /// `close_by`, near the hit.
-    fn passes(
-        &self,
-        corners: &Triangle,
-        normal: DVec3,
-        close_by: f64,
-    ) -> bool {
-        let (direction, met) = (self.ray.direction, self.around.point);
-        let flat = corners.map(|p| p - direction * direction.dot(p - met));
-        let normal = direction * normal.dot(direction).signum();
-        !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
     }
 
     /// A safe point of the ray, not far before the hit.

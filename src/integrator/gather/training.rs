@@ -6,7 +6,6 @@
 //! Its bits belong to `GATHER_VERSION`.
 
 use std::mem::take;
-use std::ops::Range;
 
 use bytemuck::{Pod, bytes_of, cast_slice, pod_read_unaligned};
 use glam::DVec3;
@@ -221,14 +220,29 @@ pub fn allocate<K: Intersector>(
     let middle = average(&means);
     let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
-    let deviations = deviations(window.size, &variances, &scale, watch);
     // Find what the samples are in proportion to
     let ErrorNorm { relative, largest } = prototype.gather.norm;
-    let need = |(d, scale): (f64, &f64)| {
-        let part = if relative { d / scale } else { d };
+    let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
+    let common = 0.5 * average(&variances) / average(&squares);
+    let (width, height) = (window.size.0 as usize, window.size.1 as usize);
+    let need = |i: usize| {
+        // Add up the variances around a pixel
+        let near = |at: usize, end| at.saturating_sub(1)..(at + 2).min(end);
+        let (mut sum, mut count) = (0., 0.);
+        for y in near(i / width, height) {
+            for x in near(i % width, width) {
+                sum += variances[y * width + x];
+                count += 1.;
+            }
+        }
+        let variance = 0.5 * variances[i] + 0.5 * (sum / count);
+        let deviation = (variance + common * squares[i]).sqrt();
+        let part = if relative { deviation / scale[i] } else { deviation };
         if largest { part * part } else { part }
     };
-    let needs = deviations.into_iter().zip(&scale).map(need);
+    let rows = (0..height).into_par_iter().filter(|_| watch(0));
+    let pixels = rows.map(|y| y * width..(y + 1) * width);
+    let needs = pixels.flat_map_iter(|row| row.map(need));
     let needs: Vec<f64> = needs.collect();
     let middle = average(&needs).max(f64::MIN_POSITIVE);
     let count = |need: &f64| {
@@ -241,35 +255,4 @@ pub fn allocate<K: Intersector>(
 
 fn average(numbers: &[f64]) -> f64 {
     numbers.iter().sum::<f64>() / numbers.len() as f64
-}
-
-/// About the standard deviations of the pixels, row by row; not all of them
-/// if `watch` stops it.
-fn deviations(
-    (width, height): (u32, u32),
-    variances: &[f64],
-    scale: &[f64],
-    watch: &Watch,
-) -> Vec<f64> {
-    let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
-    let common = 0.5 * average(variances) / average(&squares);
-    let (width, height) = (width as usize, height as usize);
-    let neighbours = |at: usize, end: usize| -> Range<usize> {
-        at.saturating_sub(1)..(at + 2).min(end)
-    };
-    let deviation = |i: usize| {
-        // Add up the variances around a pixel
-        let (mut sum, mut count) = (0., 0.);
-        for y in neighbours(i / width, height) {
-            for x in neighbours(i % width, width) {
-                sum += variances[y * width + x];
-                count += 1.;
-            }
-        }
-        let variance = 0.5 * variances[i] + 0.5 * (sum / count);
-        (variance + common * squares[i]).sqrt()
-    };
-    let rows = (0..height).into_par_iter().filter(|_| watch(0));
-    let pixels = rows.map(|y| y * width..(y + 1) * width);
-    pixels.flat_map_iter(|row| row.map(deviation)).collect()
 }
