@@ -259,7 +259,14 @@ impl RadianceCache {
             (from, to, bin, relative_albedo, weight.to_bits())
         });
         let cells = Cells::of(records);
-        let mut cache = Self::numbering(self.grid, &cells);
+        // Build a table that finds the numbers of cells
+        let mut cache = Self::empty(self.grid);
+        let size = (2 * cells.names.len() + 1).next_power_of_two();
+        cache.cells = vec![UNSEEN; size];
+        for (number, &name) in (0..).zip(&cells.names) {
+            let (slot, mark) = cache.slot(name);
+            cache.cells[slot] = Cell { mark, guide: number, ..UNSEEN };
+        }
         let ends = records.par_iter().map(|r| cache.end(r)).collect();
         let start =
             cells.names.iter().map(|&name| self.at(name).value).collect();
@@ -285,18 +292,6 @@ impl RadianceCache {
         }
         cache.relative_error = if total > 0. { wrong / total } else { 1. };
         cache
-    }
-
-    /// A table of these cells that has their numbers in the place of guides.
-    fn numbering(grid: Grid, cells: &Cells) -> Self {
-        let mut table = Self::empty(grid);
-        let size = (2 * cells.names.len() + 1).next_power_of_two();
-        table.cells = vec![UNSEEN; size];
-        for (number, &name) in (0..).zip(&cells.names) {
-            let (slot, mark) = table.slot(name);
-            table.cells[slot] = Cell { mark, guide: number, ..UNSEEN };
-        }
-        table
     }
 
     /// Where a record arrives: the number of a cell, or no cell. This is a
