@@ -56,7 +56,7 @@ pub fn openness(mesh: &Mesh) -> Result<Vec<f64>, Box<dyn Error>> {
         (0..RAYS).filter(is_open).count() as f64 / RAYS as f64
     };
     let open: Vec<f64> =
-        (0..vertices.count()).into_par_iter().map(open).collect();
+        (0..vertices.numbers.len()).into_par_iter().map(open).collect();
     eprintln!("{:.3} s for the rays", began.elapsed().as_secs_f64());
     let mut grey = vec![0.; mesh.vertices.len()];
     for (&number, open) in vertices.numbers.iter().zip(open) {

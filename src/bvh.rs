@@ -41,7 +41,6 @@ pub use intersector::{BEAM, Batch, Dispatch, Hit, Intersector};
 pub use spawn::{is_within, lifted, too_small};
 pub use triangle::NONE;
 
-use std::cell::RefCell;
 use std::fmt;
 
 use glam::DVec3;
@@ -188,11 +187,6 @@ impl Bvh {
         with_traverser!(&mut self.0, traverser => traverser.ground = ground);
     }
 
-    /// Whether there is a ground.
-    pub fn has_ground(&self) -> bool {
-        with_traverser!(&self.0, traverser => traverser.ground.is_some())
-    }
-
     /// How far below a point the ground is; infinite without a ground.
     pub fn ground_below(&self, point: DVec3) -> f64 {
         let ground = with_traverser!(&self.0, traverser => traverser.ground.as_ref());
@@ -219,21 +213,21 @@ impl Bvh {
     pub fn any_triangle(
         &self,
         enters: impl Fn(DVec3, DVec3) -> bool,
-        asked: impl Fn(u32, &Triangle) -> bool,
+        mut asked: impl FnMut(u32, &Triangle) -> bool,
     ) -> bool {
-        let asked = |_: &Leaf, (_, slot), corners: &_| asked(slot, corners);
+        let mut asked =
+            |_: &Leaf, (_, slot), corners: &_| asked(slot, corners);
         with_traverser!(&self.0, traverser => {
             let wide = &traverser.wide;
             let root = (0, wide.region);
-            wide.any(root, [DVec3::MIN, DVec3::MAX], &enters, &asked)
+            wide.any(root, [DVec3::MIN, DVec3::MAX], &enters, &mut asked)
         })
     }
 
     /// Tells all triangles, each with its slot, in the order of the hierarchy.
-    pub fn for_each(&self, tell: impl FnMut(u32, &Triangle)) {
-        let tell = RefCell::new(tell);
+    pub fn for_each(&self, mut tell: impl FnMut(u32, &Triangle)) {
         let asked = |slot, corners: &Triangle| {
-            (tell.borrow_mut())(slot, corners);
+            tell(slot, corners);
             false
         };
         self.any_triangle(|_, _| true, asked);

@@ -19,8 +19,6 @@
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
-use std::array;
-
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -123,23 +121,6 @@ impl Camera {
         let along_row = self.right * (2. * x - 1.);
         let along_column = self.down * (2. * y - 1.);
         (along_row + along_column + self.ahead).normalize()
-    }
-
-    /// The directions of the points with these coordinates.
-    #[inline(always)]
-    pub fn directions<const N: usize>(
-        &self,
-        x: &[f64; N],
-        y: &[f64; N],
-    ) -> [DVec3; N] {
-        let mut parts = [[0.; N]; 3];
-        for i in 0..N {
-            let direction = self.direction(x[i], y[i]);
-            for axis in 0..3 {
-                parts[axis][i] = direction[axis];
-            }
-        }
-        array::from_fn(|i| DVec3::from(parts.map(|part| part[i])))
     }
 }
 

@@ -290,7 +290,8 @@ impl Shown<'_> {
                     return Ok(());
                 };
                 let counts = record.allocation();
-                table.write(format, receivers, film, counts, out)
+                let values = table.values(receivers, film, counts);
+                table.write(format, &values, out)
             }
             Product::State => save(record, film, out),
         }

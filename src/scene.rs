@@ -15,7 +15,7 @@
 //! let triangles = vec![[0, 1, 2], [1, 2, 0], [0, 0, 1]];
 //! let mesh = Mesh { vertices, triangles, ..Mesh::default() };
 //! let scene = Scene::new(&mesh);
-//! assert_eq!(scene.triangles.len(), 1);
+//! assert_eq!(scene.triangles.corners.len(), 1);
 //! assert_eq!(scene.left_out, [vec![2], vec![1]]);
 //! ```
 //!
@@ -55,16 +55,6 @@ pub struct Triangles {
 }
 
 impl Triangles {
-    /// How many.
-    pub fn len(&self) -> usize {
-        self.corners.len()
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.corners.is_empty()
-    }
-
     /// The corners of a triangle.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Triangle {
@@ -73,7 +63,7 @@ impl Triangles {
 
     /// The corners of each.
     pub fn to_vec(&self) -> Vec<Triangle> {
-        (0..self.len()).map(|i| self.get(i)).collect()
+        (0..self.corners.len()).map(|i| self.get(i)).collect()
     }
 
     /// Takes triangles out; returns their faces.
@@ -131,7 +121,7 @@ impl Scene {
             *p = DVec3::select(tiny, DVec3::ZERO, placed);
         };
         triangles.vertices.par_iter_mut().for_each(place);
-        let indices = (0..triangles.len()).into_par_iter();
+        let indices = (0..triangles.corners.len()).into_par_iter();
         let flat = indices.map(|i| !has_area(triangles.get(i)));
         let flat: Vec<bool> = flat.collect();
         let flat = triangles.leave_out(&flat);
@@ -179,7 +169,7 @@ fn copies(triangles: &Triangles) -> Vec<bool> {
     let is_equal = |a: &(u64, u32), b: &(u64, u32)| {
         a.0 == b.0 && corners(a.1) == corners(b.1)
     };
-    let mut is_copy = vec![false; triangles.len()];
+    let mut is_copy = vec![false; triangles.corners.len()];
     for equal in kept.chunk_by(is_equal) {
         equal[1..].iter().for_each(|&(_, i)| is_copy[i as usize] = true);
     }

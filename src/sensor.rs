@@ -74,14 +74,10 @@ impl Sensor {
                 return Starts { directions, hits, rays: 0 };
             }
         };
-        let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
-        for (i, place) in places.iter().enumerate() {
-            if let &Some(((x, y), [u, v])) = place {
-                across[i] = within(x, width, u);
-                down[i] = within(y, height, v);
-            }
-        }
-        let directions = camera.directions(&across, &down);
+        let directions = array::from_fn(|i| {
+            let ((x, y), [u, v]) = places[i].unwrap_or_default();
+            camera.direction(within(x, width, u), within(y, height, v))
+        });
         let look = |i: usize| {
             places[i].filter(|_| !sees_sky).map(|_| directions[i])
         };
@@ -116,8 +112,8 @@ impl Sensor {
                 (direction, ray, hit)
             }
             Self::Receivers(receivers) => {
-                let row = y * receivers.count() as f64;
-                let last = receivers.count() - 1;
+                let row = y * receivers.numbers.len() as f64;
+                let last = receivers.numbers.len() - 1;
                 let to_u32 = |u| (u * power_of_two(32)) as u32;
                 let u = [x, row.fract()].map(to_u32);
                 let hit = receivers.hit((row as usize).min(last), u);
@@ -172,11 +168,6 @@ enum Receiver {
 }
 
 impl Receivers {
-    /// How many.
-    pub fn count(&self) -> usize {
-        self.numbers.len()
-    }
-
     /// The point of receiver `i` that two numbers, uniform over the integers
     /// below 2^32, choose, as a hit on no triangle.
     #[inline]
@@ -232,7 +223,7 @@ impl Receivers {
     /// A point of each.
     pub fn middles(&self) -> Vec<DVec3> {
         let middle = |i| self.hit(i, [1 << 31; 2]).point;
-        (0..self.count()).map(middle).collect()
+        (0..self.numbers.len()).map(middle).collect()
     }
 
     /// Puts them in the order of their keys, without those that cannot have a
@@ -242,7 +233,7 @@ impl Receivers {
         around: Around,
         key: impl Fn(&Hit) -> u64 + Sync,
     ) {
-        let list = (0..self.count()).into_par_iter().map(|i| {
+        let list = (0..self.numbers.len()).into_par_iter().map(|i| {
             let hit = self.hit(i, [1 << 31; 2]);
             let is_point = matches!(self.receivers[i], Receiver::Point(_));
             let odd = is_point.then(|| oddity(around, &hit)).flatten();

@@ -89,11 +89,6 @@ impl Sky {
         self.background.unwrap_or_else(|| self.radiance(direction))
     }
 
-    /// Whether all directions above the horizon have the radiance 1.
-    pub fn is_uniform(&self) -> bool {
-        self.cover != Cover::Overcast
-    }
-
     /// What a surface with this unit normal gets if nothing is in the way,
     /// in units of what a horizontal one gets: in [0, 1].
     pub fn irradiance_ratio(&self, normal: DVec3) -> f64 {

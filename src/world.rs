@@ -123,9 +123,9 @@ impl World {
         // Build the hierarchy
         let rays = rays(plan, &subject, &sensor);
         let rays = rays / host.ranks.rank_and_size().1 as f64;
-        let quality = Quality::expecting(triangles.len(), rays);
+        let quality = Quality::expecting(triangles.corners.len(), rays);
         warn_of_size(&triangles, host);
-        let total = Some(triangles.len() as u64);
+        let total = Some(triangles.corners.len() as u64);
         host.enter("building the hierarchy", total);
         let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
         let bvh = Bvh::of(triangles, quality, plan.isa(), &placed);
@@ -143,7 +143,8 @@ impl World {
             receivers.order(around, |hit| grid.order(hit));
             let odd = table.odd(receivers, |why, _| why != INSIDE);
             host.warn_all(&table.file, odd);
-            check_receivers(plan, table, receivers.count(), &mut subject)?;
+            let count = receivers.numbers.len();
+            check_receivers(plan, table, count, &mut subject)?;
         }
         let settings = Settings {
             hierarchy: Some(quality.to_string()),
@@ -356,7 +357,7 @@ fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
 
 /// Warns of triangles that are too small.
 fn warn_of_size(triangles: &crate::scene::Triangles, host: Host) {
-    let (count, total) = (too_small(triangles), triangles.len());
+    let (count, total) = (too_small(triangles), triangles.corners.len());
     if count > 0 {
         host.warn(format!(
             "{count} of {total} triangles: smaller than 2^-40 of the largest, or \
@@ -382,7 +383,7 @@ fn rays(plan: &Plan, subject: &Subject, sensor: &Sensor) -> f64 {
             let band = plan.part.map_or((1, 1), |part| part.band);
             subject.sensed.window().band(band, SIDE).area()
         }
-        Sensor::Receivers(receivers) => receivers.count(),
+        Sensor::Receivers(receivers) => receivers.numbers.len(),
     };
     let part = plan.part.map(|part| part.count());
     let samples = part.or(plan.budget.samples);

@@ -172,7 +172,7 @@ fn triangles_around_each_other_and_in_a_row_are_sorted_quickly() {
     for mesh in [around, apart(numbers(120_000).map(in_a_row))] {
         for quality in [Quality::FAST, Quality::THOROUGH] {
             let scene = Scene::new(&mesh);
-            assert!(scene.triangles.len() >= 100_000);
+            assert!(scene.triangles.corners.len() >= 100_000);
             quickly(|| Bvh::with(&scene, quality, Isa::best())).unwrap();
         }
     }

@@ -79,7 +79,7 @@ fn is_settled(triangles: &[[DVec3; 3]], ray: &Ray, hit: &Hit) -> bool {
 #[test]
 fn hits_are_inside_and_clear_of_all_triangles() {
     let all = solids::all().into_iter();
-    let small = |solid: &Solid| solid.scene.triangles.len() < 1500;
+    let small = |solid: &Solid| solid.scene.triangles.corners.len() < 1500;
     for Solid { name, scene, cameras, .. } in all.filter(small) {
         let intersector = Bvh::new(&scene).unwrap();
         let triangles = rounded(&scene);

@@ -64,7 +64,7 @@ struct Tally {
 /// Those of the book that are small and have no cracks.
 static CLOSED: LazyLock<Vec<Shape>> = LazyLock::new(|| {
     let all = solids::all().into_iter().filter(|solid| {
-        solid.scene.triangles.len() < 1300 && !solid.has_cracks()
+        solid.scene.triangles.corners.len() < 1300 && !solid.has_cracks()
     });
     let shrink = |p: DVec3| p / 4096.;
     let shape = |solid: solids::Solid| Shape {

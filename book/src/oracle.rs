@@ -147,7 +147,7 @@ impl<'a> Mixture<'a> {
     /// A finding.
     pub fn follow(&mut self, paths: usize) -> Result<Seen, String> {
         let mut seen = Seen::default();
-        if !self.scene.triangles.is_empty() {
+        if !self.scene.triangles.corners.is_empty() {
             (0..paths).try_for_each(|_| self.follow_one(&mut seen))?;
         }
         Ok(seen)
@@ -418,7 +418,7 @@ fn bvhs(
     ways.push((Isa::Portable, Quality::FAST, true));
     let build = |(isa, quality, mixed): (Isa, Quality, bool)| {
         let all = &scene.triangles;
-        let mut order: Vec<_> = (0..all.len()).collect();
+        let mut order: Vec<_> = (0..all.corners.len()).collect();
         if mixed {
             order.shuffle(random);
         }

@@ -11,7 +11,7 @@ use crate::camera::Camera;
 use crate::film::SIDE;
 use crate::numerics::cross;
 use crate::scene::Triangle;
-use crate::sky::Sky;
+use crate::sky::{Cover, Sky};
 
 /// What is known of a tile before it is rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,22 +124,19 @@ impl KnownPixels {
                 return TileContent::Scene;
             }
             // Test whether the sky is constant
-            let light = corners.map(|corner| sky.radiance(corner));
-            let is_dark = light.iter().all(|&radiance| radiance == 0.);
-            let is_bright = light.iter().all(|&radiance| radiance > 0.);
             let is_above = corners.iter().all(|&c| sky.zenith.dot(c) > 0.);
-            if intersector.has_ground() && !is_above {
+            if intersector.ground_below(tip).is_finite() && !is_above {
                 return TileContent::Scene;
             }
             if let Some(grey) = sky.background {
                 return TileContent::Constant(grey);
             }
-            match sky.zenith.abs().max_element() == 1. {
-                true if is_dark => TileContent::Constant(0.),
-                true if is_bright && sky.is_uniform() => {
-                    TileContent::Constant(1.)
-                }
-                _ => TileContent::Sky,
+            let light = corners.map(|corner| sky.radiance(corner));
+            let has_steps = light[0] == 0. || sky.cover != Cover::Overcast;
+            let is_along_axis = sky.zenith.abs().max_element() == 1.;
+            match has_steps && is_along_axis && light == [light[0]; 4] {
+                true => TileContent::Constant(light[0]),
+                false => TileContent::Sky,
             }
         })
     }

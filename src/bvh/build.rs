@@ -143,39 +143,6 @@ fn nested(node: &Bvh2Node) -> Option<u32> {
     node.is_leaf().then(|| node.first_index.checked_sub(CUT))?
 }
 
-/// Cuts up to `most` subtrees off that are small beside the region;
-/// returns their triangles.
-fn cut_off(
-    group: &Group,
-    tree: &mut [Bvh2Node],
-    most: usize,
-) -> Vec<Vec<Corners>> {
-    let side = 2. * group.region.reach as f32;
-    let extent = |node: &Bvh2Node| node.aabb().diagonal().max_element();
-    let mut groups = vec![];
-    let mut todo = Vec::from_iter((!tree.is_empty()).then_some(0));
-    while let Some(i) = todo.pop() {
-        let node = tree[i as usize];
-        if node.is_leaf() || groups.len() == most {
-            continue;
-        }
-        // Replace a small subtree by a nested frame
-        let small = |leaf: Bvh2Node| extent(&leaf) < SMALL * side;
-        if extent(&node) >= COMPACT * side || !leaves(tree, i).all(small) {
-            todo.extend([node.first_index + 1, node.first_index]);
-            continue;
-        }
-        let below = leaves(tree, i).map(|leaf| leaf.first_index as usize);
-        let below: Vec<_> = below.map(|i| group.corners[i]).collect();
-        if below.len() > FEW {
-            let number = CUT + groups.len() as u32;
-            tree[i as usize] = Bvh2Node::new(*node.aabb(), 1, number);
-            groups.push(below);
-        }
-    }
-    groups
-}
-
 /// Ways in and out of nested frames that there can be.
 const WAYS: usize = (1 << 29) - FRAMES as usize;
 
@@ -252,7 +219,33 @@ impl<const N: usize> Wide<N> {
         ways: usize,
     ) -> io::Result<Self> {
         let mut tree = binary(group, quality);
-        let beyond = cut_off(group, &mut tree, ways / 2);
+        // Cut off subtrees that are small beside the region
+        let side = 2. * group.region.reach as f32;
+        let extent = |node: &Bvh2Node| node.aabb().diagonal().max_element();
+        let mut beyond = vec![];
+        let mut todo = Vec::from_iter((!tree.is_empty()).then_some(0));
+        while let Some(i) = todo.pop() {
+            let node = tree[i as usize];
+            if node.is_leaf() || beyond.len() == ways / 2 {
+                continue;
+            }
+            // Replace a small subtree by a nested frame
+            let small = |leaf: Bvh2Node| extent(&leaf) < SMALL * side;
+            if extent(&node) >= COMPACT * side
+                || !leaves(&tree, i).all(small)
+            {
+                todo.extend([node.first_index + 1, node.first_index]);
+                continue;
+            }
+            let below =
+                leaves(&tree, i).map(|leaf| leaf.first_index as usize);
+            let below: Vec<_> = below.map(|i| group.corners[i]).collect();
+            if below.len() > FEW {
+                let number = CUT + beyond.len() as u32;
+                tree[i as usize] = Bvh2Node::new(*node.aabb(), 1, number);
+                beyond.push(below);
+            }
+        }
         let (mut wide, mut levels) = Self::fill(group, &tree)?;
         // Balance the tree if it does not fit the stack
         let fits = |levels| N * (above + levels) + N <= STACK;
@@ -321,8 +314,8 @@ impl<const N: usize> Wide<N> {
         quality: Quality,
         placed: &dyn Fn(usize),
     ) -> io::Result<Self> {
-        let mut above = usize::from(triangles.len() > LARGE);
-        while triangles.len() > PART * N.pow(above as u32) {
+        let mut above = usize::from(triangles.corners.len() > LARGE);
+        while triangles.corners.len() > PART * N.pow(above as u32) {
             above += 1;
         }
         Self::under(triangles, quality, above, placed)
@@ -342,7 +335,24 @@ impl<const N: usize> Wide<N> {
         let mut wide = Self::empty(count, region)?;
         // Divide the scene, unless its parts overlap
         let parts = N.pow(above as u32);
-        let mut groups = halve(&vertices, &mut corners, parts);
+        // Sort the triangles into groups of neighbours
+        let place = |(three, _): &Corners| vertices[three[0] as usize];
+        let mut groups = vec![&mut corners[..]];
+        while groups.len() < parts {
+            let halves = groups.into_par_iter().flat_map_iter(|corners| {
+                // Part the triangles at their median
+                let (low, high) = bounds(corners.iter().map(place));
+                let axis = (high - low).max_position();
+                let half = corners.len() / 2;
+                corners.select_nth_unstable_by(half, |i, j| {
+                    let [p, q] = [i, j].map(|corners| place(corners)[axis]);
+                    p.total_cmp(&q).then(i.cmp(j))
+                });
+                let (left, right) = corners.split_at_mut(half);
+                [left, right]
+            });
+            groups = halves.collect();
+        }
         if (LARGE + 1..=PART).contains(&count)
             && !are_apart(&vertices, &groups)
         {
@@ -412,32 +422,6 @@ fn are_apart(vertices: &[DVec3], parts: &[&mut [Corners]]) -> bool {
     };
     let sum: f64 = boxes.into_iter().map(area).sum();
     sum <= MOST_MET * area(whole)
-}
-
-/// Sorts triangles into `parts` groups of neighbours, a power of two.
-fn halve<'a>(
-    vertices: &[DVec3],
-    corners: &'a mut [Corners],
-    parts: usize,
-) -> Vec<&'a mut [Corners]> {
-    let place = |(three, _): &Corners| vertices[three[0] as usize];
-    let mut groups = vec![corners];
-    while groups.len() < parts {
-        let halves = groups.into_par_iter().flat_map_iter(|corners| {
-            // Part the triangles at their median
-            let (low, high) = bounds(corners.iter().map(place));
-            let axis = (high - low).max_position();
-            let half = corners.len() / 2;
-            corners.select_nth_unstable_by(half, |i, j| {
-                let [p, q] = [i, j].map(|corners| place(corners)[axis]);
-                p.total_cmp(&q).then(i.cmp(j))
-            });
-            let (left, right) = corners.split_at_mut(half);
-            [left, right]
-        });
-        groups = halves.collect();
-    }
-    groups
 }
 
 #[cfg(test)]

@@ -65,10 +65,10 @@ pub fn hit<const N: usize>(
     let clear = clear(size);
     let mut point = met + normal * (clear - height);
     // Resolve the point if it is doubtful
+    let around = Around { point: met, part: AROUND, least: size };
     let short = distance <= search.root * SHORT
         && left.is_some_and(|left| {
-            let corners = search.leaves.triangle(left);
-            has_not_risen(&corners, ray, met, size)
+            around.has_not_risen(&search.leaves.triangle(left), ray)
         });
     let deep = height.abs() > clear;
     let limit = distance + near(search.root);
@@ -78,7 +78,6 @@ pub fn hit<const N: usize>(
         && (low - away).cmple(met).all()
         && met.cmple(high + away).all();
     if search.near_tie <= limit || short || deep || unseen {
-        let around = Around { point: met, part: AROUND, least: size };
         let arrival =
             Arrival { wide, ray, distance, around, primitive, left };
         if let Some(safe) = arrival.resolve(deep) {
@@ -86,21 +85,6 @@ pub fn hit<const N: usize>(
         }
     }
     Some(Hit { point, normal, primitive })
-}
-
-/// Whether a point of a ray is still close to the plane of a triangle that
-/// it has left, for a size at least.
-fn has_not_risen(
-    corners: &Triangle,
-    ray: &Ray,
-    met: DVec3,
-    least: f64,
-) -> bool {
-    let &[a, b, c] = corners;
-    let normal = cross(b - a, c - a);
-    let size = seen(corners, ray.origin).max(seen(corners, met));
-    let limit = twice_close_by(size.max(least));
-    normal.dot(met - a).abs() <= limit * normal.length()
 }
 
 /// A hit that may be too close to other triangles.
@@ -130,11 +114,10 @@ impl<const N: usize> Arrival<'_, N> {
     /// Whether the hit is around the triangle that the ray left, and close to
     /// its plane.
     fn is_low(&self) -> bool {
-        let Around { point, least, .. } = self.around;
         self.left.is_some_and(|left| {
             let left = self.wide.leaves.triangle(left);
             self.around.holds(&left, self.ray).is_some()
-                && has_not_risen(&left, self.ray, point, least)
+                && self.around.has_not_risen(&left, self.ray)
         })
     }
 
@@ -157,6 +140,15 @@ impl<const N: usize> Arrival<'_, N> {
                 return false;
             }
             let near = near(size);
+            // Test how closely a triangle is passed
+            let passes = || {
+                let (direction, met) =
+                    (self.ray.direction, self.around.point);
+                let flat =
+                    corners.map(|p| p - direction * direction.dot(p - met));
+                let normal = direction * normal.dot(direction).signum();
+                !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
+            };
             match leaf.test(lane, shear, size) {
                 // Compare where the ray passes the triangle
                 TriangleTest::Through(at) => {
@@ -165,26 +157,12 @@ impl<const N: usize> Arrival<'_, N> {
                 TriangleTest::Beside(at) => {
                     at.iter().any(|&at| gap(at) <= near)
                         && at.iter().any(|&at| gap(at) >= -near)
-                        && self.passes(corners, normal, close_by)
+                        && passes()
                 }
                 TriangleTest::Apart => false,
             }
         };
         self.around.any(self.wide, self.ray, &asked)
-    }
-
-    /// Whether the ray passes a triangle, with this normal, more closely than
-    /// `close_by`, near the hit.
-    fn passes(
-        &self,
-        corners: &Triangle,
-        normal: DVec3,
-        close_by: f64,
-    ) -> bool {
-        let (direction, met) = (self.ray.direction, self.around.point);
-        let flat = corners.map(|p| p - direction * direction.dot(p - met));
-        let normal = direction * normal.dot(direction).signum();
-        !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
     }
 
     /// A safe point of the ray, not far before the hit.
@@ -255,7 +233,7 @@ impl Around {
         let within = [self.point - away, self.point + away];
         let enters = |low, high| self.comes_near(low, high, ray);
         let root = (0, wide.region);
-        wide.any(root, within, &enters, &|leaf, place, triangle| {
+        wide.any(root, within, &enters, &mut |leaf, place, triangle| {
             let size = self.holds(triangle, ray);
             size.is_some_and(|size| asked(leaf, place, triangle, size))
         })
@@ -274,6 +252,16 @@ impl Around {
     /// The size of a triangle for the ray and its point.
     fn size(&self, corners: &Triangle, ray: &Ray) -> f64 {
         seen(corners, ray.origin).max(seen(corners, self.point))
+    }
+
+    /// Whether the point is still close to the plane of a triangle that the ray
+    /// has left.
+    fn has_not_risen(&self, corners: &Triangle, ray: &Ray) -> bool {
+        let &[a, b, c] = corners;
+        let normal = cross(b - a, c - a);
+        let size = self.size(corners, ray).max(self.least);
+        let height = normal.dot(self.point - a).abs();
+        height <= twice_close_by(size) * normal.length()
     }
 
     /// Whether the line of the ray passes by a box as closely as by a
@@ -317,7 +305,7 @@ pub fn too_small(triangles: &Triangles) -> usize {
         (a.max(b).max(c) - a.min(b).min(c)).max_element()
     };
     let sides = || {
-        let numbers = (0..triangles.len()).into_par_iter();
+        let numbers = (0..triangles.corners.len()).into_par_iter();
         numbers.map(|i| side(triangles.get(i)))
     };
     let largest = sides().reduce(|| 0., f64::max);

@@ -79,7 +79,7 @@ impl<const N: usize> Wide<N> {
         (child, region): (u32, Region),
         within: [DVec3; 2],
         enters: &impl Fn(DVec3, DVec3) -> bool,
-        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+        asked: &mut impl FnMut(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
         if child & LEAF != 0 {
             // Test each triangle of the leaf

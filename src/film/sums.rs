@@ -294,18 +294,14 @@ impl Film {
         net_sizes: Option<&[u32]>,
     ) -> Vec<f64> {
         let counts = self.values(window, 0., |_, p| p.count() as f64);
-        let (run, (left, top)) = (self.run_window, window.corner);
-        let at = |i: u32| {
-            let (x, y) =
-                (left + i % window.size.0, top + i / window.size.0);
-            (y - run.corner.1) * run.size.0 + x - run.corner.0
+        let sizes =
+            net_sizes.map(|list| window.crop(list, self.run_window));
+        let size = |i: usize| match &sizes {
+            Some(sizes) => sizes[i].into(),
+            None => self.net_size,
         };
-        let each = |i| {
-            net_sizes
-                .map_or(self.net_size, |sizes| sizes[at(i) as usize].into())
-                as f64
-        };
-        (0..).zip(counts).map(|(i, count)| count * each(i)).collect()
+        let counts = counts.into_iter().enumerate();
+        counts.map(|(i, count)| count * size(i) as f64).collect()
     }
 
     /// The samples that every pixel has at least.

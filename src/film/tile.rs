@@ -141,6 +141,16 @@ impl Window {
         Self { corner: (left, top + first), size }
     }
 
+    /// Its values in a list of those of a window around it; both row by row.
+    pub fn crop<T: Copy>(&self, list: &[T], whole: Self) -> Vec<T> {
+        let left = (self.corner.0 - whole.corner.0) as usize;
+        let top = (self.corner.1 - whole.corner.1) as usize;
+        let across = left..left + self.size.0 as usize;
+        let rows = list.chunks(whole.size.0 as usize).skip(top);
+        let rows = rows.take(self.size.1 as usize);
+        rows.flat_map(|row| &row[across.clone()]).copied().collect()
+    }
+
     /// The number of rows of tiles of this height that it touches.
     pub fn tile_rows(&self, height: u32) -> u32 {
         self.cells(height).1.1

@@ -112,20 +112,16 @@ impl Source for Picture<'_> {
     }
 
     fn part(&self, window: Window, all: bool) -> Image {
-        let (film, (width, height)) =
-            (all.then_some(self.film), window.size);
-        let ((x, y), first) = (window.corner, self.film.window.corner);
-        let place = Window { corner: (x - first.0, y - first.1), ..window };
-        let columns = self.film.window.size.0;
+        let (width, height) = window.size;
+        let film = all.then_some(self.film);
+        let part = |list: &[f64]| window.crop(list, self.window());
         let more = self.more.iter().filter(|_| all);
         Image {
             errors: film.map(|film| film.errors(NEIGHBOUR_WEIGHT, window)),
             samples: film
                 .map(|film| film.counts_of(window, self.allocation)),
             tile_errors: film.and_then(|film| film.tile_errors(window)),
-            more: more
-                .map(|(n, list)| (*n, crop(list, columns, place)))
-                .collect(),
+            more: more.map(|(name, list)| (*name, part(list))).collect(),
             ..Image::plain(width, height, self.film.means_of(window))
         }
     }
@@ -142,7 +138,7 @@ impl Source for Image {
 
     fn part(&self, window: Window, all: bool) -> Image {
         let (width, height) = window.size;
-        let part = |list: &Vec<f64>| crop(list, self.width, window);
+        let part = |list: &Vec<f64>| window.crop(list, self.window());
         let more = self.more.iter().filter(|_| all);
         Image {
             errors: self.errors.as_ref().map(part),
@@ -156,15 +152,6 @@ impl Source for Image {
     fn attributes(&self) -> &BTreeMap<String, String> {
         &self.attributes
     }
-}
-
-/// The values in a window of a list of rows of so many columns.
-fn crop(list: &[f64], columns: u32, window: Window) -> Vec<f64> {
-    let Window { corner: (x, y), size: (width, height) } = window;
-    let across = x as usize..(x + width) as usize;
-    let rows = list.chunks(columns as usize);
-    let rows = rows.skip(y as usize).take(height as usize);
-    rows.flat_map(|row| &row[across.clone()]).copied().collect()
 }
 
 /// Writes rows of an image in this order, made from their means, or from

@@ -40,10 +40,37 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     exr::block::write(&mut file, headers, true, |meta, writer| {
         let blocks = enumerate_ordered_header_block_indices(&meta.headers);
         // Compress some blocks and write them
-        let blank = Blank::new();
+        let blank: OnceLock<(Vec<u8>, Chunk)> = OnceLock::new();
+        let compress = |&(_, index): &(usize, BlockIndex)| {
+            // Compress the block of a part of the image
+            let [(x, y), size] = [index.pixel_position, index.pixel_size]
+                .map(|Vec2(x, y)| (x as u32, y as u32));
+            let (left, top) = image.window().corner;
+            let window = Window { corner: (left + x, top + y), size };
+            let part = image.part(window, true);
+            let is_blank = part.means.iter().all(|mean| mean.is_nan());
+            let data = cast_slice(&bits(&part)).to_vec();
+            // Repeat a block without a sample
+            if let Some((same, chunk)) = blank.get()
+                && *same == data
+            {
+                let mut chunk = chunk.clone();
+                if let CompressedBlock::Tile(tile) =
+                    &mut chunk.compressed_block
+                {
+                    let place = index.pixel_position / Vec2(TILE, TILE);
+                    tile.coordinates.tile_index = place;
+                }
+                return Ok(chunk);
+            }
+            let block = UncompressedBlock { index, data: data.clone() };
+            let chunk = block.compress_to_chunk(&meta.headers)?;
+            if is_blank {
+                let _ = blank.set((data, chunk.clone()));
+            }
+            Ok::<_, Error>(chunk)
+        };
         Vec::from_iter(blocks).chunks(BATCH).try_for_each(|blocks| {
-            let compress =
-                |&(_, at)| compress(image, at, &meta.headers, &blank);
             let chunks: Vec<_> = blocks.par_iter().map(compress).collect();
             let mut chunks = blocks.iter().zip(chunks);
             chunks.try_for_each(|(&(number, _), chunk)| {
@@ -62,42 +89,6 @@ const BATCH: usize = 256;
 
 /// Width and height of a block in pixels.
 const TILE: usize = 64;
-
-/// A block without a sample, and what it becomes.
-type Blank = OnceLock<(Vec<u8>, Chunk)>;
-
-/// The block of a part of the image.
-fn compress(
-    image: &dyn Source,
-    index: BlockIndex,
-    headers: &[Header],
-    blank: &Blank,
-) -> Result<Chunk, Error> {
-    let [(x, y), size] = [index.pixel_position, index.pixel_size]
-        .map(|Vec2(x, y)| (x as u32, y as u32));
-    let (left, top) = image.window().corner;
-    let window = Window { corner: (left + x, top + y), size };
-    let part = image.part(window, true);
-    let is_blank = part.means.iter().all(|mean| mean.is_nan());
-    let data = cast_slice(&bits(&part)).to_vec();
-    // Repeat a block without a sample
-    if let Some((same, chunk)) = blank.get()
-        && *same == data
-    {
-        let mut chunk = chunk.clone();
-        if let CompressedBlock::Tile(tile) = &mut chunk.compressed_block {
-            let place = index.pixel_position / Vec2(TILE, TILE);
-            tile.coordinates.tile_index = place;
-        }
-        return Ok(chunk);
-    }
-    let block = UncompressedBlock { index, data: data.clone() };
-    let chunk = block.compress_to_chunk(headers)?;
-    if is_blank {
-        let _ = blank.set((data, chunk.clone()));
-    }
-    Ok(chunk)
-}
 
 /// What stands before the blocks.
 fn header(image: &dyn Source) -> Header {

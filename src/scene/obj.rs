@@ -13,7 +13,7 @@ use super::encoding::{self, quoted};
 use super::mesh::{Mark, MarkKind, Mesh};
 use super::polygons;
 use super::text::*;
-use crate::error::{Diagnostic, Error, Result};
+use crate::error::{Diagnostic, Result};
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
@@ -85,7 +85,16 @@ pub fn read_pieces(
         warnings.push(at(text, first, what));
     }
     // Read each piece into a mesh
-    let read = |(&piece, first)| read_piece(piece, [first, total]);
+    let read = |(&piece, first)| {
+        let before: usize = first;
+        let mut mesh = Mesh::default();
+        for line in lines(piece) {
+            let vertices = [before + mesh.vertices.len(), total];
+            read_statement(line, vertices, &mut mesh)
+                .map_err(|what| (line, what))?;
+        }
+        Ok(mesh)
+    };
     let parts: Vec<_> = pieces.par_iter().zip(before).map(read).collect();
     let parts = parts.into_iter().collect::<Result<Vec<_>, _>>();
     let parts = parts.map_err(|(line, what)| at(text, line, what))?;
@@ -201,24 +210,6 @@ fn cut(mut text: &[u8], size: usize) -> Vec<&[u8]> {
         pieces.extend(text.split_off(..end));
     }
     pieces
-}
-
-/// The mesh of a piece that follows so many vertices, the first of two
-/// numbers; the second is that of all vertices.
-///
-/// # Errors
-/// The line at fault, and what is wrong with it.
-fn read_piece(
-    piece: &[u8],
-    [first, total]: [usize; 2],
-) -> Result<Mesh, (&[u8], Error)> {
-    let mut mesh = Mesh::default();
-    for line in lines(piece) {
-        let vertices = [first + mesh.vertices.len(), total];
-        read_statement(line, vertices, &mut mesh)
-            .map_err(|what| (line, what))?;
-    }
-    Ok(mesh)
 }
 
 fn read_statement(

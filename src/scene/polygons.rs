@@ -34,32 +34,23 @@ pub fn fill(mesh: &mut Mesh) -> Vec<u32> {
         new.extend(cut.map(|cut| (first as usize, count, cut)));
     }
     if !new.is_empty() {
-        (*triangles, *joined) = replace(triangles, joined, &new);
+        // Replace fans by other triangles
+        let mut is_joined = vec![false; triangles.len()];
+        joined.iter().for_each(|&i| is_joined[i as usize] = true);
+        let (mut replaced, mut flags, mut from) = (vec![], vec![], 0);
+        new.push((triangles.len(), 0, vec![]));
+        for (first, count, cut) in new {
+            replaced.extend(&triangles[from..first]);
+            flags.extend(&is_joined[from..first]);
+            flags.extend((0..cut.len()).map(|i| i > 0));
+            replaced.extend(cut);
+            from = first + count;
+        }
+        let numbers = (0..).zip(flags).filter(|(_, joined)| *joined);
+        (*triangles, *joined) =
+            (replaced, numbers.map(|(i, _)| i).collect());
     }
     odd
-}
-
-/// The first triangle of a face, how many it has, and what replaces them.
-type New = (usize, usize, Vec<[u32; 3]>);
-
-fn replace(
-    triangles: &[[u32; 3]],
-    joined: &[u32],
-    new: &[New],
-) -> (Vec<[u32; 3]>, Vec<u32>) {
-    let mut is_joined = vec![false; triangles.len()];
-    joined.iter().for_each(|&i| is_joined[i as usize] = true);
-    let (mut replaced, mut flags, mut from) = (vec![], vec![], 0);
-    let end = (triangles.len(), 0, vec![]);
-    for (first, count, cut) in new.iter().chain([&end]) {
-        replaced.extend(&triangles[from..*first]);
-        flags.extend(&is_joined[from..*first]);
-        flags.extend((0..cut.len()).map(|i| i > 0));
-        replaced.extend(cut);
-        from = first + count;
-    }
-    let numbers = (0..).zip(flags).filter(|(_, joined)| *joined);
-    (replaced, numbers.map(|(i, _)| i).collect())
 }
 
 /// Whether the fan is that of a quadrilateral that is nearly flat and

@@ -147,29 +147,26 @@ impl Table {
         }
     }
 
-    /// Writes the values of receivers that are on a film, with the samples of
-    /// each in a replicate, if they differ.
+    /// Writes the values of receivers.
     ///
     /// # Errors
     /// They cannot be written.
     pub fn write(
         &self,
         format: TableFormat,
-        receivers: &Receivers,
-        film: &Film,
-        allocation: Option<&[u32]>,
+        values: &[Value],
         out: &mut dyn Write,
     ) -> io::Result<()> {
-        let values = self.values(receivers, film, allocation);
         match format {
-            TableFormat::Csv => self.csv(&values, out),
-            TableFormat::Ply => self.ply(&values, out),
-            TableFormat::Obj => self.obj(&values, out),
+            TableFormat::Csv => self.csv(values, out),
+            TableFormat::Ply => self.ply(values, out),
+            TableFormat::Obj => self.obj(values, out),
         }
     }
 
-    /// The value of each receiver that was asked for, its standard error, and
-    /// the number of its samples; NaN where there is none.
+    /// The value on a film of each receiver that was asked for, its standard
+    /// error, and the number of its samples; NaN where there is none. The samples
+    /// of each in a replicate are given, if they differ.
     pub fn values(
         &self,
         receivers: &Receivers,

@@ -4,7 +4,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 
 use super::*;
 use crate::bvh::triangle::Leaf;
@@ -68,14 +68,14 @@ fn wide<const N: usize>(scene: &Scene) -> Wide<N> {
 fn check_lanes<const N: usize>(scene: &Scene, wide: &Wide<N>) {
     let triangles = scene.triangles.to_vec();
     let mut seen = vec![0; triangles.len()];
-    let all = RefCell::new(vec![]);
-    let note = |_: &Leaf, (_, slot), corners: &Triangle| {
-        all.borrow_mut().push((slot, *corners));
+    let mut all = vec![];
+    let mut note = |_: &Leaf, (_, slot), corners: &Triangle| {
+        all.push((slot, *corners));
         false
     };
     let everywhere = [DVec3::MIN, DVec3::MAX];
-    wide.any((0, wide.region), everywhere, &|_, _| true, &note);
-    for (slot, corners) in all.into_inner() {
+    wide.any((0, wide.region), everywhere, &|_, _| true, &mut note);
+    for (slot, corners) in all {
         let face = wide.leaves.face(slot);
         let number = scene.triangles.faces.binary_search(&face);
         let number = number.expect("a face of the scene");
@@ -174,7 +174,7 @@ fn check_boxes<const N: usize>(scene: &Scene, wide: &Wide<N>) {
         }
     }
     let all = check_box(wide, 0, wide.region, None);
-    assert_eq!(all.len(), scene.triangles.len());
+    assert_eq!(all.len(), scene.triangles.corners.len());
 }
 
 fn check_levels<const N: usize>() {

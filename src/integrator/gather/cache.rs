@@ -6,6 +6,7 @@
 //!
 //! Its bits belong to `GATHER_VERSION`.
 
+use std::array;
 use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
@@ -258,7 +259,14 @@ impl RadianceCache {
             (from, to, bin, relative_albedo, weight.to_bits())
         });
         let cells = Cells::of(records);
-        let mut cache = Self::numbering(self.grid, &cells);
+        // Build a table that finds the numbers of cells
+        let mut cache = Self::empty(self.grid);
+        let size = (2 * cells.names.len() + 1).next_power_of_two();
+        cache.cells = vec![UNSEEN; size];
+        for (number, &name) in (0..).zip(&cells.names) {
+            let (slot, mark) = cache.slot(name);
+            cache.cells[slot] = Cell { mark, guide: number, ..UNSEEN };
+        }
         let ends = records.par_iter().map(|r| cache.end(r)).collect();
         let start =
             cells.names.iter().map(|&name| self.at(name).value).collect();
@@ -284,18 +292,6 @@ impl RadianceCache {
         }
         cache.relative_error = if total > 0. { wrong / total } else { 1. };
         cache
-    }
-
-    /// A table of these cells that has their numbers in the place of guides.
-    fn numbering(grid: Grid, cells: &Cells) -> Self {
-        let mut table = Self::empty(grid);
-        let size = (2 * cells.names.len() + 1).next_power_of_two();
-        table.cells = vec![UNSEEN; size];
-        for (number, &name) in (0..).zip(&cells.names) {
-            let (slot, mark) = table.slot(name);
-            table.cells[slot] = Cell { mark, guide: number, ..UNSEEN };
-        }
-        table
     }
 
     /// Where a record arrives: the number of a cell, or no cell. This is a
@@ -488,12 +484,19 @@ impl Equations<'_> {
             if cells.count(c) < ENOUGH {
                 continue;
             }
-            let squares = cells.records[c].clone().map(|i| {
-                let square = self.arriving(values, i).powi(2);
-                (self.records[i].bin, square)
-            });
+            // Average the squares in each bin
+            let (mut sums, mut counts) = ([0f32; BINS], [0f32; BINS]);
+            for i in cells.records[c].clone() {
+                let bin = usize::from(self.records[i].bin);
+                sums[bin] += self.arriving(values, i).powi(2);
+                counts[bin] += 1.;
+            }
+            let mean =
+                sums.iter().sum::<f32>() / counts.iter().sum::<f32>();
             let prior = histograms.get(numbers[c] as usize);
-            let histogram = mean_squares(squares, prior);
+            let prior = |b: usize| prior.map_or(mean, |p| p[b]);
+            let histogram =
+                array::from_fn(|b| (sums[b] + prior(b)) / (counts[b] + 1.));
             if let Some(guide) = Guide::new(&smooth(&histogram)) {
                 numbers[c] = guides.len() as u32;
                 guides.push(guide);
@@ -522,26 +525,10 @@ fn is_settled(before: &[f32], now: &[f32]) -> bool {
 /// Records that a cell with a guide of its own has at least.
 const ENOUGH: f32 = 1000.;
 
-/// The mean of the squares that fall into each bin; that of the prior, or
-/// of all, counts as one more.
-fn mean_squares(
-    squares: impl Iterator<Item = (u16, f32)>,
-    prior: Option<&[f32; BINS]>,
-) -> [f32; BINS] {
-    let (mut sums, mut counts) = ([0f32; BINS], [0f32; BINS]);
-    for (bin, square) in squares {
-        sums[bin as usize] += square;
-        counts[bin as usize] += 1.;
-    }
-    let mean: f32 = sums.iter().sum::<f32>() / counts.iter().sum::<f32>();
-    let prior = |b: usize| prior.map_or(mean, |p| p[b]);
-    std::array::from_fn(|b| (sums[b] + prior(b)) / (counts[b] + 1.))
-}
-
 /// The roots of the bins, each averaged with its neighbours first.
 fn smooth(bins: &[f32; BINS]) -> [f32; BINS] {
     let near = |i: usize| i.saturating_sub(1)..(i + 2).min(SIDE);
-    std::array::from_fn(|b| {
+    array::from_fn(|b| {
         let (row, column) = (b / SIDE, b % SIDE);
         let (mut sum, mut weights) = (0., 0.);
         for (i, j) in

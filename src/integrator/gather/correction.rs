@@ -29,7 +29,7 @@ impl<K: Intersector> Tracer<'_, K> {
         random: &mut Pcg64,
         sums: &mut [f64],
     ) {
-        let Some(correction) = &self.gather.correction else { return };
+        let Some(correction) = self.gather.correction else { return };
         // Divide the samples into groups
         let mut order: Vec<_> = (0..samples.len()).collect();
         let grid = &self.cache.grid;
@@ -38,89 +38,84 @@ impl<K: Intersector> Tracer<'_, K> {
         let every =
             |g| order.iter().skip(g).step_by(count).copied().collect();
         let groups: Vec<Vec<usize>> = (0..count).map(every).collect();
-        for group in &groups {
-            let step = correction.step / CANDIDATES;
-            let mut next = random.random::<f64>() * step;
-            let mut reached = 0.;
-            for &k in group {
-                let Sample { albedo, weight, scale, ref end, .. } =
-                    samples[k];
-                let Some((y, cell)) = end else { continue };
-                let expected = f64::from(cell.error);
-                reached += albedo * weight * expected / scale;
-                let drawn = draws(&mut next, reached, step);
-                if drawn == 0. {
-                    continue;
-                }
-                let keep_probability = self.keep_probability(
-                    correction, samples, group, y, random,
-                );
-                let draws = (drawn * keep_probability
-                    + random.random::<f64>())
-                .floor();
-                if draws > 0. {
-                    let found = self.radiance(correction, y, cell, random);
-                    let error = found - f64::from(cell.value);
-                    let total =
-                        draws / keep_probability * step * error / expected;
-                    self.distribute(samples, group, k, total, sums);
-                }
+        let tracer = self;
+        let mut corrector =
+            Corrector { tracer, correction, samples, random, sums };
+        groups.iter().for_each(|group| corrector.correct(group));
+    }
+}
+
+/// Corrects the samples of a tile.
+struct Corrector<'c, 't, K> {
+    tracer: &'c mut Tracer<'t, K>,
+    correction: Correction,
+    samples: &'c [Sample],
+    random: &'c mut Pcg64,
+    /// Those of the pixels of the tile.
+    sums: &'c mut [f64],
+}
+
+impl<K: Intersector> Corrector<'_, '_, K> {
+    /// Adds the corrections of a group, given the numbers of its samples.
+    fn correct(&mut self, group: &[usize]) {
+        let step = self.correction.step / CANDIDATES;
+        let mut next = self.random.random::<f64>() * step;
+        let mut reached = 0.;
+        for &k in group {
+            let Sample { albedo, weight, scale, ref end, .. } =
+                self.samples[k];
+            let Some((y, cell)) = end else { continue };
+            let expected = f64::from(cell.error);
+            reached += albedo * weight * expected / scale;
+            let drawn = draws(&mut next, reached, step);
+            if drawn == 0. {
+                continue;
+            }
+            let probability = self.keep_probability(group, y);
+            let draws = drawn * probability + self.random.random::<f64>();
+            if draws >= 1. {
+                let error = self.radiance(y, cell) - f64::from(cell.value);
+                let each = draws.floor() / probability * step;
+                self.distribute(group, k, each * error / expected);
             }
         }
     }
 
     /// The probability with which a draw at `y` is kept, small where many of the
     /// group see it; the caller rounds the number by chance.
-    fn keep_probability(
-        &mut self,
-        correction: &Correction,
-        samples: &[Sample],
-        group: &[usize],
-        y: &Hit,
-        random: &mut Pcg64,
-    ) -> f64 {
+    fn keep_probability(&mut self, group: &[usize], y: &Hit) -> f64 {
         let mut seen = 0.5;
         for _ in 0..VISIBILITY_TESTS {
-            let i = group[random.random_range(0..group.len())];
-            let x = &samples[i].hit;
-            let (factor, direction) = form_factor(x, y);
-            if factor > 0. && self.sees(x, y, direction) {
+            let i = group[self.random.random_range(0..group.len())];
+            let x = &self.samples[i].hit;
+            if self.form_factor(x, y, false) > 0. {
                 seen += 1.;
             }
         }
         let part = seen / (f64::from(VISIBILITY_TESTS) + 0.5);
-        let fill = group.len() as f64 / correction.group as f64;
+        let fill = group.len() as f64 / self.correction.group as f64;
         (1. / (CANDIDATES * f64::sqrt(part * fill))).min(1.)
     }
 
     /// Shares the error of what sample `k` has met among all samples of
     /// its group that see the place: what they get, each over the radiance of
     /// its pixel, adds up to `total`.
-    fn distribute(
-        &mut self,
-        samples: &[Sample],
-        group: &[usize],
-        k: usize,
-        total: f64,
-        sums: &mut [f64],
-    ) {
+    fn distribute(&mut self, group: &[usize], k: usize, total: f64) {
+        let samples = self.samples;
         let Some((y, _)) = &samples[k].end else { return };
         // Find the form factors of those that see the place
         let albedos = group.iter().map(|&i| samples[i].albedo);
         let most = albedos.fold(0., f64::max);
         let factor = |&i: &usize| {
-            let x = &samples[i].hit;
-            let (factor, direction) = form_factor(x, y);
-            let seen =
-                factor > 0. && (i == k || self.sees(x, y, direction));
-            if seen { factor * (samples[i].albedo / most) } else { 0. }
+            let Sample { hit, albedo, .. } = &samples[i];
+            self.form_factor(hit, y, i == k) * (albedo / most)
         };
         let factors: Vec<f64> = group.iter().map(factor).collect();
         let seen = || group.iter().map(|&i| &samples[i]).zip(&factors);
         let density: f64 = seen().map(|(x, f)| f / x.scale).sum();
         if density > 0. {
             for (x, factor) in seen() {
-                sums[x.pixel as usize] += total * *factor / density;
+                self.sums[x.pixel as usize] += total * *factor / density;
             }
         }
     }
@@ -130,29 +125,35 @@ impl<K: Intersector> Tracer<'_, K> {
         if x.primitive == y.primitive {
             return false;
         }
-        self.rays += 1;
+        self.tracer.rays += 1;
         let ray = Ray { origin: x.point, direction };
         let from = Some(x.primitive);
-        self.intersector.is_visible(&ray, from, y.primitive)
+        self.tracer.intersector.is_visible(&ray, from, y.primitive)
+    }
+
+    /// The density with which cosine sampling at `x` finds `y`, per unit of
+    /// area around `y`; zero if one faces away, or if `x` does not see `y`, which
+    /// is not tested if it `is_seen`.
+    fn form_factor(&mut self, x: &Hit, y: &Hit, is_seen: bool) -> f64 {
+        let to = y.point - x.point;
+        let square = to.length_squared();
+        let (here, there) = (x.normal.dot(to), -y.normal.dot(to));
+        let factor = here * there / (PI * square * square);
+        let seen = here > 0.
+            && factor > 0.
+            && (is_seen || self.sees(x, y, to / square.sqrt()));
+        if seen { factor } else { 0. }
     }
 
     /// An unbiased estimate of the radiance at `x`.
-    fn radiance(
-        &mut self,
-        correction: &Correction,
-        x: &Hit,
-        cell: &Cell,
-        random: &mut Pcg64,
-    ) -> f64 {
+    fn radiance(&mut self, x: &Hit, cell: &Cell) -> f64 {
         let (mut ends, mut others) = (vec![], vec![]);
-        let &Correction { gathers, paths, branches, .. } = correction;
-        let mut sum =
-            self.gather_at(x, cell, gathers, paths, random, &mut ends);
+        let Correction { gathers, paths, .. } = self.correction;
+        let mut sum = self.gather_at(x, cell, [gathers, paths], &mut ends);
         for Candidate { hit, cell, weight, .. } in ends {
-            sum += weight
-                * self.error_at(branches, hit, cell, random, &mut others);
+            sum += weight * self.error_at(hit, cell, &mut others);
         }
-        self.gather.view.surfaces.albedo(x.primitive) * sum
+        self.tracer.gather.view.surfaces.albedo(x.primitive) * sum
     }
 
     /// The mean of what comes from rays that leave `x`, as far as the cache
@@ -162,18 +163,18 @@ impl<K: Intersector> Tracer<'_, K> {
         &mut self,
         x: &Hit,
         cell: &Cell,
-        rays: u32,
-        paths: u32,
-        random: &mut Pcg64,
+        [rays, paths]: [u32; 2],
         ends: &mut Vec<Candidate>,
     ) -> f64 {
+        let Self { tracer, random, .. } = self;
         let (mut sum, mut total) = (0., 0.);
-        let (net, key) = (self.allocation.net, random.random());
+        let (net, key) = (tracer.allocation.net, random.random());
         ends.clear();
         // Trace the rays that gather
         for n in 0..rays {
             let u = net.pair(key, n, 0);
-            let ray = self.trace_gather_ray(x, self.cache.guide(cell), u);
+            let ray =
+                tracer.trace_gather_ray(x, tracer.cache.guide(cell), u);
             let weight = ray.weight / f64::from(rays);
             let (cell, importance) = (UNSEEN, 0.);
             match ray.end {
@@ -186,7 +187,7 @@ impl<K: Intersector> Tracer<'_, K> {
         // Look up what each ray has met
         for end in &mut *ends {
             let u = [random.random(), random.random()];
-            end.cell = self.cell_around(&end.hit, u);
+            end.cell = tracer.cell_around(&end.hit, u);
             let Cell { value, error, .. } = end.cell;
             sum += end.weight * f64::from(value);
             let size = f64::from(value.abs() + error);
@@ -209,17 +210,17 @@ impl<K: Intersector> Tracer<'_, K> {
     /// An unbiased estimate of the error of a cell's value at `y`.
     fn error_at(
         &mut self,
-        branches: u32,
         mut y: Hit,
         mut cell: Cell,
-        random: &mut Pcg64,
         ends: &mut Vec<Candidate>,
     ) -> f64 {
+        let counts = [self.correction.branches, 1];
         let (mut throughput, mut error) = (1., 0.);
         for bounce in 0.. {
             error -= throughput * f64::from(cell.value);
-            let sum = self.gather_at(&y, &cell, branches, 1, random, ends);
-            let albedo = self.gather.view.surfaces.albedo(y.primitive);
+            let sum = self.gather_at(&y, &cell, counts, ends);
+            let albedo =
+                self.tracer.gather.view.surfaces.albedo(y.primitive);
             error += throughput * albedo * sum;
             let Some(end) = ends.pop() else { break };
             throughput *= albedo * end.weight;
@@ -228,7 +229,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };
             let probability =
                 (throughput / ROULETTE_THRESHOLD).min(1.) * long;
-            if random.random::<f64>() >= probability {
+            if self.random.random::<f64>() >= probability {
                 break;
             }
             throughput /= probability;
@@ -252,18 +253,6 @@ const CANDIDATES: f64 = 4.;
 
 /// Samples of a group that are tested whether they see a place.
 const VISIBILITY_TESTS: u32 = 8;
-
-/// The density with which cosine sampling at `x` finds `y`, per unit of
-/// area around `y`; zero if one faces away. And the direction.
-fn form_factor(x: &Hit, y: &Hit) -> (f64, DVec3) {
-    let to = y.point - x.point;
-    let square = to.length_squared();
-    let (here, there) = (x.normal.dot(to), -y.normal.dot(to));
-    if !(here > 0. && there > 0.) {
-        return (0., to);
-    }
-    (here * there / (PI * square * square), to / square.sqrt())
-}
 
 /// The end of a ray of a gather, which may be corrected.
 struct Candidate {

@@ -6,7 +6,6 @@
 //! Its bits belong to `GATHER_VERSION`.
 
 use std::mem::take;
-use std::ops::Range;
 
 use bytemuck::{Pod, bytes_of, cast_slice, pod_read_unaligned};
 use glam::DVec3;
@@ -36,12 +35,11 @@ impl<K: Intersector> Tracer<'_, K> {
     fn explore(
         &mut self,
         rays: u64,
-        seed: u64,
         piece: u64,
         mut visit: impl FnMut(DVec3),
         watch: &Watch,
     ) -> Vec<Record> {
-        let mut random = generator(seed, TRAINING, piece);
+        let mut random = generator(self.gather.seed, TRAINING, piece);
         let mut records = Vec::with_capacity(rays as usize);
         let (grid, surfaces) = (self.cache.grid, self.gather.view.surfaces);
         let (mut paths, mut reported) = (0, 0);
@@ -143,12 +141,12 @@ pub fn train<K: Intersector>(
     prototype: &Tracer<K>,
     watch: &Watch,
 ) -> Option<(RadianceCache, u64)> {
-    let &Gather { view, seed, training: rays, .. } = prototype.gather;
+    let &Gather { view, training: rays, .. } = prototype.gather;
     // Choose the grid after a first look
     let mut scout = Tracer { rays: 0, ..*prototype };
     let mut points = vec![];
     let visit = |point| points.push(point);
-    scout.explore(rays.min(10_000), seed, u64::MAX, visit, watch);
+    scout.explore(rays.min(10_000), u64::MAX, visit, watch);
     let mut cache = RadianceCache::empty(Grid::around(&points));
     let (mut records, mut traced) = (vec![], scout.rays);
     for (round, percent) in (0..).zip(ROUNDS) {
@@ -158,8 +156,7 @@ pub fn train<K: Intersector>(
             let piece = round * PIECES + piece as u64;
             let mut tracer =
                 Tracer { cache: &cache, rays: 0, ..*prototype };
-            let records =
-                tracer.explore(rays_each, seed, piece, |_| (), watch);
+            let records = tracer.explore(rays_each, piece, |_| (), watch);
             (records, tracer.rays)
         };
         let (found, pieces) = (&mut records, PIECES as usize);
@@ -223,62 +220,39 @@ pub fn allocate<K: Intersector>(
     let middle = average(&means);
     let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
-    let deviations = deviations(window.size, &variances, &scale, watch);
-    let deviations = needs(deviations, &scale, prototype.gather.norm);
-    let middle = average(&deviations).max(f64::MIN_POSITIVE);
-    let count = |d: &f64| {
-        let part = (d / middle).clamp(0.1, 8.);
-        (part * mean as f64).round().max(1.) as u32
-    };
-    let counts = deviations.iter().map(count).collect();
-    Some((Allocation::new(window, counts, scale), rays))
-}
-
-/// What the samples of pixels should be in proportion to, given their
-/// standard deviations and about their radiances.
-fn needs(
-    deviations: Vec<f64>,
-    scale: &[f64],
-    ErrorNorm { relative, largest }: ErrorNorm,
-) -> Vec<f64> {
-    let need = |(d, scale): (f64, &f64)| {
-        let part = if relative { d / scale } else { d };
-        if largest { part * part } else { part }
-    };
-    deviations.into_iter().zip(scale).map(need).collect()
-}
-
-fn average(numbers: &[f64]) -> f64 {
-    numbers.iter().sum::<f64>() / numbers.len() as f64
-}
-
-/// About the standard deviations of the pixels, row by row; not all of them
-/// if `watch` stops it.
-fn deviations(
-    (width, height): (u32, u32),
-    variances: &[f64],
-    scale: &[f64],
-    watch: &Watch,
-) -> Vec<f64> {
+    // Find what the samples are in proportion to
+    let ErrorNorm { relative, largest } = prototype.gather.norm;
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
-    let common = 0.5 * average(variances) / average(&squares);
-    let (width, height) = (width as usize, height as usize);
-    let neighbours = |at: usize, end: usize| -> Range<usize> {
-        at.saturating_sub(1)..(at + 2).min(end)
-    };
-    let deviation = |i: usize| {
+    let common = 0.5 * average(&variances) / average(&squares);
+    let (width, height) = (window.size.0 as usize, window.size.1 as usize);
+    let need = |i: usize| {
         // Add up the variances around a pixel
+        let near = |at: usize, end| at.saturating_sub(1)..(at + 2).min(end);
         let (mut sum, mut count) = (0., 0.);
-        for y in neighbours(i / width, height) {
-            for x in neighbours(i % width, width) {
+        for y in near(i / width, height) {
+            for x in near(i % width, width) {
                 sum += variances[y * width + x];
                 count += 1.;
             }
         }
         let variance = 0.5 * variances[i] + 0.5 * (sum / count);
-        (variance + common * squares[i]).sqrt()
+        let deviation = (variance + common * squares[i]).sqrt();
+        let part = if relative { deviation / scale[i] } else { deviation };
+        if largest { part * part } else { part }
     };
     let rows = (0..height).into_par_iter().filter(|_| watch(0));
     let pixels = rows.map(|y| y * width..(y + 1) * width);
-    pixels.flat_map_iter(|row| row.map(deviation)).collect()
+    let needs = pixels.flat_map_iter(|row| row.map(need));
+    let needs: Vec<f64> = needs.collect();
+    let middle = average(&needs).max(f64::MIN_POSITIVE);
+    let count = |need: &f64| {
+        let part = (need / middle).clamp(0.1, 8.);
+        (part * mean as f64).round().max(1.) as u32
+    };
+    let counts = needs.iter().map(count).collect();
+    Some((Allocation::new(window, counts, scale), rays))
+}
+
+fn average(numbers: &[f64]) -> f64 {
+    numbers.iter().sum::<f64>() / numbers.len() as f64
 }
