@@ -6,20 +6,18 @@
 
 use crate::prelude::*;
 
+use crate::random::Random;
+
 use std::f64::consts::FRAC_PI_2;
 
 use litpt::compare::display::{
     Curve, WHITE, cut_out, errors, tonemap, z_map,
 };
-use litpt::compare::{
-    Difference, Dispersion, FALSE_ALARMS, FEW, compare, disagreements,
-};
-
-type Random = Pcg64Mcg;
+use litpt::compare::{Difference, Dispersion, FALSE_ALARMS, FEW, compare};
 
 /// An image of one row whose pixels have these means and errors from
 /// `n` samples.
-fn row(pixels: &[(f64, f64)], n: f64) -> Image {
+pub fn row(pixels: &[(f64, f64)], n: f64) -> Image {
     let means = pixels.iter().map(|p| p.0).collect();
     Image {
         errors: Some(pixels.iter().map(|p| p.1).collect()),
@@ -34,7 +32,7 @@ fn reference(means: &[f64]) -> Image {
 }
 
 /// Renders an image of the given weights.
-fn render(
+pub fn render(
     (width, height): (u32, u32),
     n: u32,
     mut weight: impl FnMut(u32, u32) -> f64,
@@ -108,7 +106,7 @@ fn the_thresholds_are_those_of_student_and_of_the_normal_distribution() {
 }
 
 /// A weight that is 1 with the probability `p`, and else 0.
-fn coin(p: f64) -> impl Fn(&mut Random) -> f64 {
+pub fn coin(p: f64) -> impl Fn(&mut Random) -> f64 {
     move |random| f64::from(u8::from(random.random_bool(p)))
 }
 
@@ -255,26 +253,6 @@ fn the_distances_are_those_of_their_definitions() {
     assert!((difference.rmse - 0.2).abs() < 1e-12);
     let relative = (0.04 / 0.02 + 0.04 / 0.05) / 2.;
     assert!((difference.relative_mse - relative).abs() < 1e-12);
-}
-
-#[test]
-fn all_that_differs_is_named() {
-    let of = |view: &[(&str, &str)]| {
-        let own =
-            |&(name, value): &(&str, &str)| (name.into(), value.into());
-        view.iter().map(own).collect()
-    };
-    let hash = "0123456789abcdef".repeat(4);
-    let one = of(&[("fov", "70.0"), ("seed", "1"), ("crop", "0,0,1x1")]);
-    let two = of(&[("fov", "70.5"), ("scene_sha256", &hash)]);
-    let found = disagreements(&one, &two);
-    let expected = [
-        "scene_sha256 none against 0123456789ab",
-        "crop 0,0,1x1 against none",
-        "fov 70.0 against 70.5",
-    ];
-    assert_eq!(found, expected);
-    assert!(disagreements(&one, &of(&[("seed", "1")])).is_empty());
 }
 
 #[test]

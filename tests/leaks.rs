@@ -6,7 +6,6 @@
 
 use crate::prelude::*;
 
-use crate::bvh::apart;
 use litpt_book::solids::{Solid, rounded};
 use robust::{Coord3D, orient3d};
 

@@ -6,7 +6,7 @@
 use crate::prelude::*;
 
 use crate::encodings::{gzip, utf_16, zstd};
-use crate::scene::Random;
+use crate::random::{Random, any_of};
 
 use litpt::scene::mtl::{Library, read_mtl};
 
@@ -30,8 +30,7 @@ fn found(place: &Scratch, line: &str) -> (Vec<f64>, String) {
 }
 
 fn read(text: impl AsRef<[u8]>) -> (Vec<f64>, String) {
-    let place = Scratch::new();
-    place.put("m.mtl", text);
+    let place = Scratch::with("m.mtl", text);
     found(&place, "mtllib m.mtl")
 }
 
@@ -144,14 +143,14 @@ fn random_library(random: &mut Random) -> String {
     ];
     let mut line = |lines: &str| {
         let lines: Vec<&str> = lines.split('|').collect();
-        random.one_of(&lines).to_owned() + random.one_of(&["\n", "\r\n"])
+        any_of(&lines, random).to_owned() + any_of(&["\n", "\r\n"], random)
     };
     "newmtl a b \n".to_owned() + &lines.map(&mut line).concat()
 }
 
 #[test]
 fn random_libraries_are_what_the_crate_tobj_reads() {
-    let mut random = Random(7);
+    let mut random = Random::seed_from_u64(7);
     for _ in 0..3000 {
         let text = random_library(&mut random);
         let (theirs, _) = tobj::load_mtl_buf(&mut text.as_bytes()).unwrap();

@@ -6,6 +6,7 @@
 
 use crate::prelude::*;
 
+use crate::extremes::sized;
 use litpt_book::escapes::Outside;
 
 #[test]
@@ -42,10 +43,7 @@ fn ball(reach: f64, x: f64) -> Mesh {
 fn picture(reach: f64, x: f64) -> [f64; 2] {
     let (from, to) = (DVec3::new(x, -5., 2.), DVec3::new(x, 0., 0.8));
     let view = View { up: DVec3::Z, ..look(from, to, 40.) };
-    let white = (0.8, DVec3::Z);
-    let setting = Setting::new(&ball(reach, x), white, &view, 4. / 3.);
-    let mut film = Film::new(48, 36);
-    setting.unwrap().job(1).pass(&mut film, 64, &|_| true);
+    let film = sized(&ball(reach, x), &view, 0.8, (48, 36), 64, 1);
     let Summary { mean, mean_stderr, .. } = film.summary();
     [mean, mean_stderr]
 }
@@ -67,29 +65,6 @@ fn a_ball_looks_the_same_on_any_plane() {
             chance.normal(z, &format!("{reach:e} {x}"));
         }
     }
-}
-
-/// A triangle is too small below 2^-40 of what counts for the plane, 19/8 of
-/// its reach.
-#[test]
-fn the_triangles_of_a_ball_are_too_small_on_a_plane_that_is_too_large() {
-    let Mesh { vertices, triangles, .. } = ball(0., 0.);
-    let ours = &triangles[..triangles.len() - 2];
-    let sides = ours.iter().map(|t| {
-        let [a, b, c] = t.map(|i| vertices[i as usize]);
-        (a.max(b).max(c) - a.min(b).min(c)).max_element()
-    });
-    let least = sides.clone().fold(f64::INFINITY, f64::min);
-    let most = sides.fold(0., f64::max);
-    let count = |side: f64| {
-        let reach = side * 2f64.powi(40) * 8. / 19.;
-        too_small(&Scene::new(&ball(reach, 0.)).triangles)
-    };
-    assert_eq!(count(0.99 * least), 0);
-    let some = count(1.01 * least);
-    // All but the two of the plane.
-    let more = count(1.01 * most);
-    assert!(0 < some && some < more && more == ours.len(), "{some} {more}");
 }
 
 /// A prism that stands on a floor of one triangle and leans over it, to the
