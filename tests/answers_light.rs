@@ -135,13 +135,16 @@ fn believer(value: f32) -> RadianceCache {
 
 /// The pixels of an image of one tile in so many scrambles, the means of all,
 /// and the rays of a sample.
-fn scrambles(
-    prototype: &Tracer<Bvh>,
+pub fn scrambles(
+    mut tracer: Tracer<Bvh>,
     count: u64,
 ) -> (Vec<Accumulator>, Accumulator, f64) {
-    let (mut tracer, window) =
-        (Tracer { ..*prototype }, prototype.allocation.window);
-    let tile = Film::new(window.size.0, window.size.1).tiles()[0].tile;
+    let Allocation { window, ref counts, .. } = *tracer.allocation;
+    let samples = f64::from(counts.iter().sum::<u32>()) * count as f64;
+    let mut film = Film::new(window.size.0, window.size.1);
+    let [FilmTile { tile, .. }] = film.tiles()[..] else {
+        panic!("one tile")
+    };
     let mut pixels = vec![Accumulator::default(); window.area()];
     let mut mean = Accumulator::default();
     for scramble in 0..count {
@@ -149,8 +152,7 @@ fn scrambles(
         mean.add(values.iter().sum::<f64>() / values.len() as f64);
         pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
     }
-    let samples: u32 = prototype.allocation.counts.iter().sum();
-    (pixels, mean, tracer.rays as f64 / f64::from(samples) / count as f64)
+    (pixels, mean, tracer.rays as f64 / samples)
 }
 
 /// What a gather finds in a small image of a setting: its samples without
@@ -163,10 +165,8 @@ fn gather(
 ) -> (Accumulator, f64) {
     let gather = &Gather { seed: 4, correction, ..setting.gather((4, 4)) };
     let allocation = &Allocation::even(Film::new(4, 4).window);
-    let intersector = gather.intersector;
-    let prototype =
-        Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (pixels, mut sum, rays) = scrambles(&prototype, count);
+    let tracer = tracer(gather, cache, allocation);
+    let (pixels, mut sum, rays) = scrambles(tracer, count);
     if correction.is_none() {
         sum = Accumulator::default();
         pixels.iter().for_each(|pixel| sum.merge(pixel));
@@ -210,18 +210,16 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let window = Film::new(16, 16).window;
     let allocation = &Allocation::new(window, counts, scale);
     let default = setting.gather((16, 16));
-    let intersector = default.intersector;
     let cache = &RadianceCache::empty(Grid::around(&[]));
     let gather = &Gather { seed: 9, training: 1 << 17, ..default };
-    let prototype =
-        Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (cache, _) = train(&prototype, &|_| true).unwrap();
+    let (cache, _) =
+        train(&tracer(gather, cache, allocation), &|_| true).unwrap();
     let correction =
         step.map(|step| Correction { step, ..Correction::default() });
     let gather =
         &Gather { seed: 4, correction, ..setting.gather((16, 16)) };
-    let prototype = Tracer { gather, cache: &cache, ..prototype };
-    let (pixels, _, rays) = scrambles(&prototype, 100);
+    let tracer = tracer(gather, &cache, allocation);
+    let (pixels, _, rays) = scrambles(tracer, 100);
     let sum: f64 = pixels.iter().map(Accumulator::variance).sum();
     (sum / 256., rays)
 }
@@ -338,6 +336,10 @@ fn a_plane_is_believed_to_have_no_noise_after_35_samples() {
 fn two_pixels_are_compared_by_hand() {
     let (a, b) = (row(&[(0.62, 0.02)], 16.), row(&[(0.56, 0.03)], 64.));
     let gap = compare(&a, &b).unwrap().sum;
+    let freedom =
+        0.0013f64.powi(2) / (0.02f64.powi(4) / 15. + 0.03f64.powi(4) / 63.);
+    near(gap.z(), 0.06 / 0.0013f64.sqrt(), 1e-12);
+    near(gap.freedom(), freedom, 1e-9);
     near(gap.z(), 1.66, 0.005);
     near(gap.freedom(), 71.8, 0.05);
 }

@@ -243,28 +243,23 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
             Some(Hit { point, normal, primitive: 0 })
         }
     }
+    let closed = &Closed(AtomicU64::new(0), AtomicU64::new(0));
     let Job { sensor, known_pixels, sampler, .. } = WORLD.job(1);
     let integrator = PathTracer::new(Surfaces::of(1.), Sky::new(DVec3::Z));
+    let intersector = closed;
+    let mut job =
+        Job { sensor, intersector, integrator, known_pixels, sampler };
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
     {
         for threads in [1, 4] {
-            let closed =
-                Closed(AtomicU64::new(0), AtomicU64::new(u64::MAX));
-            let intersector = &closed;
+            closed.0.store(0, Relaxed);
+            closed.1.store(u64::MAX, Relaxed);
             let watch = |_| {
                 let rays = closed.0.load(Relaxed);
                 let goes_on = rays < 300_000;
                 let told = if goes_on { u64::MAX } else { rays };
                 closed.1.fetch_min(told, Relaxed);
                 goes_on
-            };
-            let sampler = sampler.clone();
-            let mut job = Job {
-                sensor,
-                intersector,
-                integrator,
-                known_pixels,
-                sampler,
             };
             let mut film = Film::new(size.0, size.1);
             with_threads(threads, || job.pass(&mut film, end, &watch));

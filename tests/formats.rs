@@ -105,7 +105,7 @@ fn an_exr_file_brings_back_all_that_was_written_and_no_more() {
 }
 
 /// A film without attributes.
-fn unnamed(film: &Film) -> Picture<'_> {
+pub fn unnamed(film: &Film) -> Picture<'_> {
     let (more, attributes) = (vec![], BTreeMap::new());
     Picture { film, allocation: None, more, attributes }
 }
@@ -398,23 +398,30 @@ fn png_files_of_all_kinds_are_read() {
 type Window = ((i32, i32), (usize, usize));
 
 /// A part of a file: a channel, whose values tell the pixel.
-fn part(
-    (position, size): Window,
-    name: &str,
-) -> Layer<AnyChannels<FlatSamples>> {
+fn part((position, size): Window) -> Layer<AnyChannels<FlatSamples>> {
     let rows = (position.1..).take(size.1);
     let columns = (position.0..).take(size.0);
     let pixels = rows.flat_map(|y| columns.clone().map(move |x| at(x, y)));
     let values = pixels.map(|value| value as f32).collect();
     let channel = AnyChannel::new("Y", FlatSamples::F32(values));
     let channels = AnyChannels::sort(SmallVec::from_vec(vec![channel]));
-    let named = LayerAttributes::named(name);
+    let named = LayerAttributes::named(&*format!("{position:?}"));
     let named = named.with_position(Vec2(position.0, position.1));
     Layer::new(size, named, Encoding::UNCOMPRESSED, channels)
 }
 
+/// A file of this display window, whose parts have these data windows.
+pub fn windowed((position, size): Window, parts: &[Window]) -> Vec<u8> {
+    let bounds = IntegerBounds::new(Vec2(position.0, position.1), size);
+    let parts: Vec<_> = parts.iter().copied().map(part).collect();
+    let file = ExrImage::from_layers(ImageAttributes::new(bounds), parts);
+    let mut bytes = vec![];
+    file.write().to_buffered(Cursor::new(&mut bytes)).unwrap();
+    bytes
+}
+
 fn at(x: i32, y: i32) -> f64 {
-    f64::from(100 * y + x)
+    f64::from(100 * y + x) / 2.
 }
 
 #[test]
@@ -429,14 +436,7 @@ fn the_display_window_of_an_exr_file_is_what_is_read() {
         (((-3, 4), (2, 5)), "-3,4,2x5"),
         (((70, 70), (1, 1)), "70,70,1x1"),
     ] {
-        let (position, size) = display;
-        let bounds = Vec2(position.0, position.1);
-        let shown = ImageAttributes::new(IntegerBounds::new(bounds, size));
-        let parts = vec![part(data, "first"), part(other, "second")];
-        let file = ExrImage::from_layers(shown, parts);
-        let mut bytes = vec![];
-        file.write().to_buffered(Cursor::new(&mut bytes)).unwrap();
-        let (image, notes) = noted(&bytes);
+        let (image, notes) = noted(&windowed(display, &[data, other]));
         assert_eq!((image.width, image.height), (4, 3));
         for (i, &mean) in image.means.iter().enumerate() {
             let (x, y) = (i as i32 % 4 - 2, i as i32 / 4 + 3);
@@ -570,10 +570,8 @@ fn the_extension_tells_the_format() {
     }
     let message = Format::of("c.jpg".as_ref()).unwrap_err().to_string();
     assert!(message.contains("c.jpg") && message.contains(".exr"));
-    assert_eq!(
-        format_of("a.exr".as_ref(), Format::Pgm).unwrap(),
-        Format::Exr
-    );
+    let format = format_of("a.exr".as_ref(), Format::Pgm).unwrap();
+    assert_eq!(format, Format::Exr);
 }
 
 #[test]
@@ -593,9 +591,8 @@ fn a_target_is_rewritten_whole_and_only_after_it_was_ours() {
         write!(out, "ha")?;
         Err(Error::other("no more"))
     });
-    assert!(
-        failed.unwrap_err().to_string().contains("cannot write: no more")
-    );
+    let fault = failed.unwrap_err().to_string();
+    says(&fault, &["cannot write: no more"]);
     assert_eq!(there(), "second");
     place.write(&mut |out| write!(out, "last")).unwrap();
     assert_eq!(there(), "last");

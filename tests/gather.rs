@@ -6,6 +6,7 @@
 
 use crate::prelude::*;
 
+use crate::answers_light::scrambles;
 use crate::sampler::{assert_cosine, normals};
 
 use litpt::integrator::gather::guide::{
@@ -13,10 +14,6 @@ use litpt::integrator::gather::guide::{
 };
 use litpt_book::settings;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-
-fn point(random: &mut impl Rng) -> [f64; 2] {
-    [random.random(), random.random()]
-}
 
 // ------------------------------------------------------------------- Guides
 
@@ -169,7 +166,7 @@ fn uniform_points_become_directions_of_cosine_density() {
     for normal in all.iter().step_by(all.len() / 16) {
         let mut random = generator(7, 0, 0);
         assert_cosine(chance, *normal, 1 << 16, || {
-            direction(*normal, point(&mut random))
+            direction(*normal, random.random())
         });
     }
 }
@@ -180,14 +177,13 @@ fn uniform_points_become_directions_of_cosine_density() {
 fn directions_turn_smoothly_while_the_main_axis_remains() {
     let mut random = generator(8, 0, 0);
     for normal in normals() {
-        let mut one = || 1e-4 * (random.random::<f64>() - 0.5);
-        let near = normal + DVec3::new(one(), one(), one());
+        let near = normal + 5e-5 * in_cube(&mut random);
         let near = near.normalize();
         if main_axis(normal) != main_axis(near) {
             continue;
         }
         for _ in 0..20 {
-            let s = point(&mut random);
+            let s = random.random();
             let step = direction(normal, s).distance(direction(near, s));
             assert!(step < 8. * near.distance(normal), "{normal}: {step}");
         }
@@ -204,11 +200,6 @@ fn side_around(grid: &Grid, centre: f64) -> f64 {
     sides.find(|&side| name(side) != name(0.)).unwrap()
 }
 
-/// The same around the origin.
-fn side(grid: &Grid) -> f64 {
-    side_around(grid, 0.)
-}
-
 /// Points spread evenly over a length along one axis.
 fn along(axis: usize, length: f64) -> Vec<DVec3> {
     let at = |i: i32| length * (f64::from(i) / 1000. - 0.5);
@@ -217,7 +208,7 @@ fn along(axis: usize, length: f64) -> Vec<DVec3> {
 
 #[test]
 fn the_side_of_the_cubes_follows_from_the_spread_of_the_points() {
-    let of = |points: &[DVec3]| side(&Grid::around(points));
+    let of = |points: &[DVec3]| side_around(&Grid::around(points), 0.);
     assert_eq!(of(&[]), 1.);
     for (x, count) in [(77., 1), (-1e3, 5000)] {
         let grid = Grid::around(&vec![DVec3::splat(x); count]);
@@ -249,7 +240,7 @@ fn six_and_ties() -> Vec<DVec3> {
 #[test]
 fn the_names_of_coarser_cells_nest() {
     let grid = Grid::around(&along(0, 640.));
-    let (side, mut random) = (side(&grid), generator(9, 0, 0));
+    let (side, mut random) = (side_around(&grid, 0.), generator(9, 0, 0));
     let cube = |p: DVec3, level: usize| {
         let side = side * f64::from(1 << level);
         (p / side).floor().to_array()
@@ -257,10 +248,9 @@ fn the_names_of_coarser_cells_nest() {
     let class = |n: DVec3| (main_axis(n), n[main_axis(n)] > 0.);
     let normals = six_and_ties();
     for i in 0..20_000 {
-        let mut one = || random.random::<f64>() - 0.5;
-        let p = 200. * DVec3::new(one(), one(), one());
-        let reach = 4. * side * f64::from(1 << (i % LEVELS));
-        let q = p + reach * DVec3::new(one(), one(), one());
+        let p = 100. * in_cube(&mut random);
+        let reach = 2. * side * f64::from(1 << (i % LEVELS));
+        let q = p + reach * in_cube(&mut random);
         let mut any = || normals[random.random_range(0..normals.len())];
         let (n, m) = (any(), any());
         for level in 0..LEVELS {
@@ -287,14 +277,13 @@ pub fn record(from: u64, to: u64, weight: f32) -> Record {
 #[test]
 fn a_place_without_records_has_the_cell_of_the_next_level() {
     let grid = Grid::around(&along(0, 640.));
-    let (side, mut random) = (side(&grid), generator(10, 0, 0));
+    let (side, mut random) = (side_around(&grid, 0.), generator(10, 0, 0));
     let p = DVec3::new(3., 4., 5.);
     let mut records = vec![record(grid.name(p, DVec3::Z), SKY, 0.5); 20];
     let cache =
         RadianceCache::empty(grid).learn(&mut records, 0.8, &|_| true);
     for _ in 0..1000 {
-        let mut one = || 40. * side * (random.random::<f64>() - 0.5);
-        let q = p + DVec3::new(one(), one(), one());
+        let q = p + 20. * side * in_cube(&mut random);
         let level = (0..LEVELS).find(|level| {
             let side = side * f64::from(1 << level);
             (p / side).floor() == (q / side).floor()
@@ -310,7 +299,7 @@ fn a_place_without_records_has_the_cell_of_the_next_level() {
 /// axis of the normal, with their bilinear weights from the distances to
 /// their centres.
 fn around(grid: &Grid, p: DVec3, normal: DVec3) -> BTreeMap<u64, f64> {
-    let side = side(grid);
+    let side = side_around(grid, 0.);
     let centres = p / side - 0.5;
     let (low, part) = (centres.floor(), centres - centres.floor());
     let a = (main_axis(normal) + 1) % 3;
@@ -334,7 +323,7 @@ fn around(grid: &Grid, p: DVec3, normal: DVec3) -> BTreeMap<u64, f64> {
 fn a_cell_nearby_is_drawn_with_its_bilinear_weight() {
     const PARTS: i32 = 64;
     let grid = Grid::around(&along(0, 640.));
-    let (side, mut random) = (side(&grid), generator(14, 0, 0));
+    let (side, mut random) = (side_around(&grid, 0.), generator(14, 0, 0));
     for normal in six_and_ties() {
         for i in 0..100 {
             let mut place = || match i {
@@ -435,7 +424,7 @@ impl Stage {
         let mut random = generator(20, 0, 0);
         let mut points = vec![];
         while points.len() < count {
-            let [x, y] = point(&mut random);
+            let [x, y]: [f64; 2] = random.random();
             let mut end = tracer.trace_primary(x, y);
             while let End::Hit(hit) = end {
                 points.push((hit.point, hit.normal));
@@ -509,29 +498,15 @@ fn gathered(
     cache: &RadianceCache,
     correction: Option<Correction>,
 ) -> (Vec<Accumulator>, Accumulator) {
-    let (width, height) = stage.resolution;
-    let mut film = Film::new(width, height);
-    let tiles: Vec<Tile> =
-        film.tiles().iter().map(|part| part.tile).collect();
-    let area = (width * height) as usize;
+    let window = stage.film(1).window;
+    let area = window.area();
     // Pixels have 1, 2, 3, 5 samples.
     let counts = (0..area).map(|i| [1, 2, 3, 5][i % 4]).collect();
     let scale = (0..area).map(|i| [0.1, 1., 3.][i % 3]).collect();
-    let allocation = Allocation::new(film.window, counts, scale);
-    let gather = Gather { correction, ..stage.gather(23) };
-    assert_eq!(tiles.len(), 1, "one tile");
-    let image = |n| {
-        let mut tracer = tracer(&gather, cache, &allocation);
-        tracer.tile(tiles[0], n)[0].clone()
-    };
-    let images = (0..300).into_par_iter().map(image);
-    let images: Vec<Vec<f64>> = images.collect();
-    let mut pixels = vec![Accumulator::default(); area];
-    let mut whole = Accumulator::default();
-    for image in images {
-        whole.add(image.iter().sum::<f64>() / area as f64);
-        pixels.iter_mut().zip(image).for_each(|(p, v)| p.add(v));
-    }
+    let allocation = &Allocation::new(window, counts, scale);
+    let gather = &Gather { correction, ..stage.gather(23) };
+    let tracer = tracer(gather, cache, allocation);
+    let (pixels, whole, _) = scrambles(tracer, 300);
     (pixels, whole)
 }
 

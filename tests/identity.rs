@@ -44,14 +44,10 @@ fn the_bits_of_samples_change_with_their_version_only() {
         }
         let hash = hash.finalize();
         let hash: String =
-            hash.iter().map(|byte| format!("{byte:02x}")).collect();
-        let identity =
-            Sampling::new(method, 0, Some(9), Pixels::of_image((7, 5)))
-                .identity();
-        assert_eq!(
-            (&*identity, &*hash),
-            known,
-            "if a sample is another now, raise its version, and record both"
-        );
+            hash.iter().map(|b| format!("{b:02x}")).collect();
+        let pixels = Pixels::of_image((7, 5));
+        let identity = Sampling::new(method, 0, Some(9), pixels).identity();
+        // If a sample is another now, raise its version, and record both.
+        assert_eq!((&*identity, &*hash), known);
     }
 }

@@ -6,7 +6,7 @@
 
 use crate::prelude::*;
 
-use crate::extremes::sized;
+use crate::extremes::{sized, square};
 use litpt_book::escapes::Outside;
 
 #[test]
@@ -29,13 +29,9 @@ fn no_path_goes_through_a_closed_surface_over_a_large_plane() {
 
 /// A ball of radius one at `x` on a plane from -reach to reach.
 fn ball(reach: f64, x: f64) -> Mesh {
-    let mut mesh = solids::icosphere(3);
-    let first = mesh.vertices.len() as u32;
-    mesh.vertices.iter_mut().for_each(|v| *v += DVec3::new(x, 0., 1.));
-    let signs = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)];
-    mesh.vertices.extend(signs.map(|(x, y)| DVec3::new(x, y, 0.) * reach));
-    let plane = [[0, 1, 2], [0, 2, 3]];
-    mesh.triangles.extend(plane.map(|t| t.map(|i| first + i)));
+    let mut mesh = square(reach);
+    let place = |p| p + DVec3::new(x, 0., 1.);
+    solids::add(&mut mesh, &solids::icosphere(3), place);
     mesh
 }
 

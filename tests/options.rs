@@ -106,11 +106,7 @@ fn a_value_that_is_almost_right_is_refused() {
         ("-F --time", "50%", "a real number"),
         ("-F --fov", "0|180|-10|1e3", "strictly between 0 and 180"),
         ("-r --albedo", "-0.1|1.1", "between 0 and 1"),
-        (
-            "--time --error --checkpoint-interval",
-            "0|-1",
-            "greater than zero",
-        ),
+        ("--time --error --every", "0|-1", "greater than zero"),
         ("-j --threads", "0|4097", "between 1 and 4096"),
         ("--isa", "sse|AVX2", ""),
         ("--integrator", "path|AUTO", "reference, sobol or gather"),
@@ -451,19 +447,15 @@ fn a_view_from_outside_shows_the_whole_box() {
         let up = up * [1., -1.][case as usize % 2];
         let (fov, aspect) =
             (1. + 170. * a.x / scale, 0.1 + 3. * b.x / scale);
+        let corner = |k| {
+            let is_high = [1, 2, 4].map(|bit| k & bit != 0);
+            DVec3::select(is_high.into(), high, low)
+        };
+        let corners: Vec<DVec3> = (0..8).map(corner).collect();
         let zero = DVec3::ZERO;
         let view = View { position: zero, target: zero, up, fov };
-        let corners: Vec<DVec3> = (0..8)
-            .map(|k| {
-                let is_high = [1, 2, 4].map(|bit| k & bit != 0);
-                DVec3::select(is_high.into(), high, low)
-            })
-            .collect();
         let from = SIDES[case as usize % 6];
-        let outside = |view: &View, points: &[DVec3]| -> Option<View> {
-            view.outside(from, up, points.iter(), aspect)
-        };
-        let view = outside(&view, &corners).unwrap();
+        let view = view.outside(from, up, corners.iter(), aspect).unwrap();
         let camera = Camera::new(&view, aspect).unwrap();
         let edges = [(0., 0.), (1., 0.), (1., 1.), (0., 1.), (0., 0.)];
         let edges = edges.map(|(x, y)| camera.direction(x, y));

@@ -195,9 +195,8 @@ fn a_background_is_seen_behind_what_the_opacity_tells() {
     let place =
         Scratch::with("a.obj", "v -2 9 -2\nv 3 9 -1\nv 0 9 3\nf 1 2 3\n");
     for method in ["reference", "sobol", "gather"] {
-        let view = format!(
-            "a.obj -r0.5 -d32x24 -n256 -f --integrator={method} --no-filter"
-        );
+        let how = format!("--integrator={method} --no-filter");
+        let view = format!("a.obj -r0.5 -d32x24 -n256 -f {how}");
         place.done(&format!("{view} -oa.pfm"));
         place.done(&format!("{view} --background=0.25 -ob.pfm -ob.png"));
         let [sky, grey] = ["a.pfm", "b.pfm"].map(|n| place.image(n).means);

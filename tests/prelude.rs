@@ -44,3 +44,8 @@ pub fn values_of(world: &World, plan: &Plan) -> Vec<[f64; 2]> {
     let run = litpt::run::Run::new(world, plan, Host::default()).unwrap();
     run.render(&Interrupt::default()).unwrap().values()
 }
+
+/// A point of the cube from -1 to 1.
+pub fn in_cube(random: &mut impl Rng) -> DVec3 {
+    2. * DVec3::from(random.random::<[f64; 3]>()) - 1.
+}

@@ -105,7 +105,7 @@ pub fn with_threads<T: Send>(
 /// An image with the given weights in the pixel of column x and row y.
 pub fn image_of(
     (width, height): (u32, u32),
-    weights: impl Fn(u32, u32) -> Vec<f64>,
+    mut weights: impl FnMut(u32, u32) -> Vec<f64>,
 ) -> Film {
     let mut film = Film::new(width, height);
     for FilmTile { tile, pixels, .. } in film.tiles() {

@@ -399,14 +399,12 @@ fn the_page_shows_the_image_and_its_errors() {
         ..Image::plain(12, 8, vec![1.; 96])
     };
     let page = Kind::Html.render(&ordinary(), &white);
-    says(
-        &page,
-        &[
-            "img { box-sizing: border-box; border: 1px solid",
-            "The image, 12x8 pixels, radiance from 1.0000 to 1.0000.",
-            "error of each pixel. It is zero in all",
-        ],
-    );
+    let words = [
+        "img { box-sizing: border-box; border: 1px solid",
+        "The image, 12x8 pixels, radiance from 1.0000 to 1.0000.",
+        "error of each pixel. It is zero in all",
+    ];
+    says(&page, &words);
 }
 
 #[test]
@@ -471,18 +469,16 @@ fn the_page_says_in_words_how_the_run_went() {
     report.convergence.stopped = Some(Stop::Time);
     (report.settings.spp, report.settings.error) = (Some(200), Some(0.01));
     let text = with_page(&report, words);
-    says(
-        &text,
-        &[
-            "6 triangles, load 0.125 s, build 0.250 s",
-            "1.920 s, 64000 rays, 33.33 krays/s (reference)",
-            "64 spp, mean radiance 0.431240 \u{b1} 0.001800, rmse 0.050000",
-            "17 of 96 saw one value only",
-            "Run stopped by time; 64 of 200 spp; error 0.050000, target 0.01 \
+    let phrases = [
+        "6 triangles, load 0.125 s, build 0.250 s",
+        "1.920 s, 64000 rays, 33.33 krays/s (reference)",
+        "64 spp, mean radiance 0.431240 \u{b1} 0.001800, rmse 0.050000",
+        "17 of 96 saw one value only",
+        "Run stopped by time; 64 of 200 spp; error 0.050000, target 0.01 \
          not reached.",
-            "-0.500 against seconds",
-        ],
-    );
+        "-0.500 against seconds",
+    ];
+    says(&text, &phrases);
     for (_, line) in report.summary(96) {
         assert!(text.contains(&line), "{line}");
     }

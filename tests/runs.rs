@@ -357,10 +357,7 @@ fn no_run_outlives_its_test() {
         assert_eq!((test.is_err(), id > 0), (is_guarded, true));
         let start = Instant::now();
         while is_running(id) {
-            assert!(
-                start.elapsed() < Duration::from_secs(30),
-                "it runs on"
-            );
+            assert!(start.elapsed().as_secs() < 30, "it runs on");
             thread::sleep(Duration::from_millis(1));
         }
         // It leaves a readable report, and no image.

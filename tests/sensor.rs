@@ -124,10 +124,8 @@ fn painted_sphere(place: &Scratch) -> [f64; 2] {
         }
     }
     place.put("sphere.obj", text);
-    place.put(
-        "paint.mtl",
-        "newmtl light\nKd 0.9 0.9 0.9\nnewmtl dark\nKd 0.2 0.3 0.4\n",
-    );
+    let light = "newmtl light\nKd 0.9 0.9 0.9\n";
+    place.put("paint.mtl", format!("{light}newmtl dark\nKd 0.2 0.3 0.4\n"));
     area.map(|area| area / (4. * PI))
 }
 
@@ -208,12 +206,9 @@ fn a_vertex_gets_the_light_around_the_normal_between_its_faces() {
 
 #[test]
 fn what_has_no_value_is_counted_and_named() {
-    let place = Scratch::new();
-    place.put(
-        "points.txt",
-        "# a grid\n0 0 -1 0 0 1\n0 0 0 0 0 0\n1 4 0 0 0 1\n1e300 0 0 0 0 1\n\
-         1,1,-1;\t0 0 1\n",
-    );
+    let points = "# a grid\n0 0 -1 0 0 1\n0 0 0 0 0 0\n1 4 0 0 0 1\n\
+                  1e300 0 0 0 0 1\n1,1,-1;\t0 0 1\n";
+    let place = Scratch::with("points.txt", points);
     let line = "room.obj --points points.txt -n64 -r0.5";
     let run = place.free(line).succeeded();
     let found = values(&run.stdout);
@@ -448,10 +443,8 @@ fn inside_out(obj: &str) -> String {
 
 #[test]
 fn points_that_are_not_where_they_should_be_are_told_with_their_line() {
-    let place = Scratch::with(
-        "p.txt",
-        "# of a grid\r\r0 .1 .2 1 0 0\r0 .1 1.2 0 0 1\r",
-    );
+    let points = "# of a grid\r\r0 .1 .2 1 0 0\r0 .1 1.2 0 0 1\r";
+    let place = Scratch::with("p.txt", points);
     let slab =
         "v -9 -9 -1\nv 9 -9 -1\nv 9 9 -1\nv -9 9 -1\nf -4 -3 -2 -1\n";
     let body = BOX.replace("f 1 2 3 4", "f 4 3 2 1");
@@ -608,10 +601,8 @@ fn names_give_albedos_to_faces() {
     assert_eq!(found, [0.5, 0.1, 0.1, 0.1, 0.2]);
     let fault = albedos(&[("chair", 0.1)]).unwrap_err().to_string();
     assert!(fault.contains("called chair"), "{fault}");
-    assert!(
-        fault.ends_with("oak, steel, legs wood, top, table"),
-        "{fault}"
-    );
+    let names = "oak, steel, legs wood, top, table";
+    assert!(fault.ends_with(names), "{fault}");
 }
 
 // Tiles as a converter of IFC writes them: each with a name of blanks and brackets, and with normals, textures and panes.
@@ -624,22 +615,17 @@ fn a_model_of_four_hundred_materials_is_read_as_it_is() {
         let (x, y) = (2 * (k % 20), 2 * (k / 20));
         let name = format!("Beton {k} (C25/30) \u{fc}$");
         let clear = if k == 7 { "d 0.3\r\n" } else { "d 1\r\n" };
-        write!(
-            library,
-            "newmtl {name}\r\nKa 0 0 0\r\nKd {0} {0} {0}\r\nKs 1 1 1\r\n\
-             Ns 64\r\nillum 2\r\n{clear}\r\n",
-            f64::from(k) / 400.
-        )
-        .unwrap();
-        write!(
-            text,
-            "g 2O2Fr$t4X7Zf8NOew{k}\r\ns 1\r\nusemtl {name}\r\nv {x} {y} 0\r\n\
-             v {0} {y} 0\r\nv {0} {1} 0\r\nv {x} {1} 0\r\nvn 0 0 1\r\n\
-             f -4//-1 -3//-1 -2//-1 -1//-1\r\n",
-            x + 1,
-            y + 1
-        )
-        .unwrap();
+        let grey = f64::from(k) / 400.;
+        library += &format!(
+            "newmtl {name}\r\nKa 0 0 0\r\nKd {grey} {grey} {grey}\r\n\
+             Ks 1 1 1\r\nNs 64\r\nillum 2\r\n{clear}\r\n"
+        );
+        let (a, b) = (x + 1, y + 1);
+        text += &format!(
+            "g 2O2Fr$t4X7Zf8NOew{k}\r\ns 1\r\nusemtl {name}\r\n\
+             v {x} {y} 0\r\nv {a} {y} 0\r\nv {a} {b} 0\r\nv {x} {b} 0\r\n\
+             vn 0 0 1\r\nf -4//-1 -3//-1 -2//-1 -1//-1\r\n"
+        );
     }
     place.put("ifc.obj", text);
     place.put("an ifc.mtl", library);
@@ -653,10 +639,9 @@ fn a_model_of_four_hundred_materials_is_read_as_it_is() {
         assert!((value - albedo).abs() < 1e-6, "{k}: {value}");
         assert!(error < 1e-6);
     }
-    assert!(run.stderr.contains(
-        "an ifc.mtl:63: material Beton 7 (C25/30) \u{fc}$ is transparent \
-         (d, Tr), not rendered: the first of 1 statements"
-    ));
+    let told = "an ifc.mtl:63: material Beton 7 (C25/30) \u{fc}$ is transparent \
+                (d, Tr), not rendered: the first of 1 statements";
+    run.told(&[told]);
 }
 
 // Blocks of a model of a city: in metres of a zone of a grid of a country,
@@ -763,7 +748,6 @@ fn seen_among(
 ) -> f64 {
     let [low, high] = boxes[own];
     let normal = [-DVec3::Y, DVec3::X, DVec3::Y, -DVec3::X, DVec3::Z][side];
-    let (tangent, bitangent) = normal.any_orthonormal_pair();
     let mut open = 0;
     // An additive recurrence in four dimensions (Roberts 2018).
     let g = 1.1673039782614187f64;
@@ -774,9 +758,7 @@ fn seen_among(
         let mut share = DVec3::new(u[0], u[usize::from(axis == 2)], u[1]);
         share[axis] = 0.5 + 0.5 * normal[axis];
         let p = low + (high - low) * share;
-        let (sine, cosine) = (2. * PI * u[3]).sin_cos();
-        let d = (tangent * cosine + bitangent * sine) * u[2].sqrt()
-            + normal * (1. - u[2]).sqrt();
+        let d = cosine_direction(normal, u[2], u[3]);
         let hits = |&[low, high]: &[DVec3; 2]| {
             let (a, b) = ((low - p) / d, (high - p) / d);
             a.max(b).min_element() > a.min(b).max_element().max(1e-9)
@@ -822,8 +804,7 @@ fn what_is_visible_above_a_ground_is_what_is_hit_first() {
     bvh.set_ground(Some(DVec3::Z));
     let (mut random, mut met) = (generator(3, 0, 0), [0; 3]);
     for i in 0..3000 {
-        let mut point =
-            || DVec3::from([0; 3].map(|_| random.random::<f64>() - 0.5));
+        let mut point = || 0.5 * in_cube(&mut random);
         let origin = point() * [4e3, 4e4, 1e6][i % 3];
         let direction = (point() + point()).normalize();
         let ray = Ray { origin, direction };

@@ -88,9 +88,8 @@ fn the_steps_of_a_path_are_those_of_the_light() {
             let mut before = 1.;
             for vertex in &trace.vertices {
                 assert_eq!(vertex.albedo, 0.5);
-                assert!(
-                    [0.5 * before, before].contains(&vertex.throughput)
-                );
+                let both = [0.5 * before, before];
+                assert!(both.contains(&vertex.throughput));
                 before = vertex.throughput;
             }
             for pair in trace.vertices.windows(2) {

@@ -10,22 +10,13 @@ use litpt_book::solids::{cube, icosphere};
 /// Rays per scene.
 const RAYS: usize = 40_000;
 
-/// From -1 to 1.
-fn signed(random: &mut Pcg64) -> f64 {
-    2. * random.random::<f64>() - 1.
-}
-
-fn vector(random: &mut Pcg64) -> DVec3 {
-    DVec3::new(signed(random), signed(random), signed(random))
-}
-
 /// Triangles anywhere; two of three lie in a plane of constant x, y or z.
 fn soup() -> Mesh {
     let mut random = Pcg64::seed_from_u64(3);
     apart((0..3000).map(|i| {
-        let (centre, flat) = (vector(&mut random), i % 9);
+        let (centre, flat) = (in_cube(&mut random), i % 9);
         [0; 3].map(|_| {
-            let mut corner = centre + 0.1 * vector(&mut random);
+            let mut corner = centre + 0.1 * in_cube(&mut random);
             if flat < 6 {
                 // Many in the same plane, so that boxes touch.
                 corner[flat % 3] = (4. * centre[flat % 3]).round() / 4.;
@@ -48,7 +39,7 @@ fn clusters() -> Mesh {
 /// A point of the scene: a vertex, a point of an edge or of a triangle, the
 /// middle, or any.
 fn place(triangles: &[Triangle], random: &mut Pcg64) -> DVec3 {
-    let anywhere = 4096. * vector(random);
+    let anywhere = 4096. * in_cube(random);
     if triangles.is_empty() {
         return anywhere;
     }
@@ -74,7 +65,7 @@ fn ray(triangles: &[Triangle], random: &mut Pcg64) -> Ray {
     let mut origin = place(triangles, random);
     let mut direction = place(triangles, random) - origin;
     if direction == DVec3::ZERO || random.random_range(0..4) == 0 {
-        direction = vector(random);
+        direction = in_cube(random);
     }
     for _ in 0..random.random_range(0..3) {
         let axis = random.random_range(0..3);
@@ -149,7 +140,7 @@ fn all_instructions_answer_rays_with_the_same_bits() {
         let mut hits = 0;
         for _ in 0..RAYS {
             let ray = ray(&all, &mut random);
-            let next = vector(&mut random).normalize();
+            let next = in_cube(&mut random).normalize();
             let expected = two_hits(portable, &ray, next);
             hits += usize::from(expected[0].is_some());
             for other in others {
@@ -171,8 +162,8 @@ fn beam(triangles: &[Triangle], random: &mut Pcg64) -> [Option<Ray>; BEAM] {
     let apart = 4096. * scales[random.random_range(0..5)];
     let spread = scales[random.random_range(0..6)];
     std::array::from_fn(|_| {
-        let origin = origin + apart * vector(random);
-        let direction = direction + spread * vector(random);
+        let origin = origin + apart * in_cube(random);
+        let direction = direction + spread * in_cube(random);
         let ray = Ray { origin, direction: direction.normalize() };
         (random.random_range(0..8) > 0).then_some(ray)
     })

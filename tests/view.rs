@@ -18,11 +18,9 @@ fn plan(scene: &Path, words: &str) -> Plan {
 
 #[test]
 fn a_scene_that_is_shown_in_another_way_is_as_if_read_for_it() {
-    let place = Scratch::new();
-    place.put(
-        "room.obj",
-        ROOM.replace("f 1 2 3 4\n", "g floor\nf 1 2 3 4\ng walls\n"),
-    );
+    let floor = "g floor\nf 1 2 3 4\ng walls\n";
+    let place =
+        Scratch::with("room.obj", ROOM.replace("f 1 2 3 4\n", floor));
     let scene = &place.path("room.obj");
     let all = [
         "-r 0.5",
