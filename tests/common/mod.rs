@@ -350,7 +350,7 @@ impl Run {
         assert!(stderr.starts_with("error: "), "{stderr}");
         assert!(stderr.ends_with('\n'), "{stderr}");
         assert_eq!(stderr.lines().count(), 1, "{stderr}");
-        says(&stderr, words);
+        says(stderr, words);
     }
 }
 
