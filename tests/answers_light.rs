@@ -6,15 +6,14 @@
 
 use crate::prelude::*;
 
+use crate::answers_scene;
+use crate::compare::row;
+use crate::formats::bytes;
+use crate::gather::record;
 use crate::render_loop::go_on;
 
 use litpt::compare::compare;
-use litpt::integrator::gather::Gather;
-use litpt::integrator::gather::cache::{
-    Grid, RadianceCache, Record, SKY, WHOLE,
-};
 use litpt::integrator::gather::training::train;
-use litpt::integrator::gather::{Allocation, Correction, Tracer};
 use litpt::render::*;
 use litpt_book::settings;
 
@@ -31,31 +30,10 @@ fn sphere(f: f64, rho: f64, rings: u32) -> Setting {
 }
 
 /// The first samples of one pixel.
-fn weigh<E: Integrator, S: Sampler>(
-    job: &mut Job<Bvh, E, S>,
-    samples: u64,
-) -> Accumulator {
+fn weigh(setting: &Setting, seed: u64, samples: u64) -> Accumulator {
     let mut film = Film::new(1, 1);
-    job.pass(&mut film, samples, &|_| true);
+    setting.job(seed).pass(&mut film, samples, &|_| true);
     *film.pixel(0, 0)
-}
-
-/// An image with the same error and count, if any, in each pixel.
-fn image(
-    width: u32,
-    means: Vec<f64>,
-    error: Option<f64>,
-    count: Option<f64>,
-) -> Image {
-    let all = |x: f64| vec![x; means.len()];
-    let height = means.len() as u32 / width;
-    let (errors, samples) = (error.map(all), count.map(all));
-    Image { errors, samples, ..Image::plain(width, height, means) }
-}
-
-/// A run that ends when its error is small enough.
-fn until(error: f64) -> Limits<'static> {
-    Limits { error: Some(error), ..Limits::default() }
 }
 
 #[test]
@@ -110,7 +88,7 @@ fn runs_that_are_weighted_by_their_errors_are_too_dark() {
 #[test]
 fn a_path_of_half_reflectivity_brings_one_of_five_weights() {
     let setting = sphere(0.5, 0.5, 16);
-    let one = |seed| weigh(&mut setting.job(seed), 1).mean();
+    let one = |seed| weigh(&setting, seed, 1).mean();
     let mut weights: Vec<f64> = (0..500).map(one).collect();
     weights.sort_by(f64::total_cmp);
     weights.dedup();
@@ -127,15 +105,8 @@ fn settled(to_itself: usize) -> f64 {
     let grid = Grid::around(&[]);
     let (p, normal) = (DVec3::splat(0.5), DVec3::Z);
     let from = grid.name(p, normal);
-    let sky = Record {
-        from,
-        to: SKY,
-        weight: 1.,
-        bin: 0,
-        relative_albedo: WHOLE,
-    };
-    let mut records = vec![sky];
-    records.resize(1 + to_itself, Record { to: from, ..sky });
+    let mut records = vec![record(from, SKY, 1.)];
+    records.resize(1 + to_itself, record(from, from, 1.));
     let cache =
         RadianceCache::empty(grid).learn(&mut records, 1., &|_| true);
     f64::from(cache.at(from).value)
@@ -156,14 +127,7 @@ fn believer(value: f32) -> RadianceCache {
         let [x, y, z] = [x, y, z].map(|i| f64::from(2 * i - 1));
         for normal in DVec3::AXES.into_iter().flat_map(|a| [a, -a]) {
             let from = grid.name(DVec3::new(x, y, z), normal);
-            let (to, bin, share) = (SKY, 0, WHOLE);
-            records.push(Record {
-                from,
-                to,
-                weight: value,
-                bin,
-                relative_albedo: share,
-            });
+            records.push(record(from, SKY, value));
         }
     }
     RadianceCache::empty(grid).learn(&mut records, 1., &|_| true)
@@ -171,13 +135,16 @@ fn believer(value: f32) -> RadianceCache {
 
 /// The pixels of an image of one tile in so many scrambles, the means of all,
 /// and the rays of a sample.
-fn scrambles(
-    prototype: &Tracer<Bvh>,
+pub fn scrambles(
+    mut tracer: Tracer<Bvh>,
     count: u64,
 ) -> (Vec<Accumulator>, Accumulator, f64) {
-    let (mut tracer, window) =
-        (Tracer { ..*prototype }, prototype.allocation.window);
-    let tile = Film::new(window.size.0, window.size.1).tiles()[0].tile;
+    let Allocation { window, ref counts, .. } = *tracer.allocation;
+    let samples = f64::from(counts.iter().sum::<u32>()) * count as f64;
+    let mut film = Film::new(window.size.0, window.size.1);
+    let [FilmTile { tile, .. }] = film.tiles()[..] else {
+        panic!("one tile")
+    };
     let mut pixels = vec![Accumulator::default(); window.area()];
     let mut mean = Accumulator::default();
     for scramble in 0..count {
@@ -185,8 +152,7 @@ fn scrambles(
         mean.add(values.iter().sum::<f64>() / values.len() as f64);
         pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
     }
-    let samples: u32 = prototype.allocation.counts.iter().sum();
-    (pixels, mean, tracer.rays as f64 / f64::from(samples) / count as f64)
+    (pixels, mean, tracer.rays as f64 / samples)
 }
 
 /// What a gather finds in a small image of a setting: its samples without
@@ -199,10 +165,8 @@ fn gather(
 ) -> (Accumulator, f64) {
     let gather = &Gather { seed: 4, correction, ..setting.gather((4, 4)) };
     let allocation = &Allocation::even(Film::new(4, 4).window);
-    let intersector = gather.intersector;
-    let prototype =
-        Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (pixels, mut sum, rays) = scrambles(&prototype, count);
+    let tracer = tracer(gather, cache, allocation);
+    let (pixels, mut sum, rays) = scrambles(tracer, count);
     if correction.is_none() {
         sum = Accumulator::default();
         pixels.iter().for_each(|pixel| sum.merge(pixel));
@@ -233,7 +197,7 @@ fn a_true_cache_halves_the_variance_of_a_cavity_and_saves_two_rays_of_three()
     let setting = sphere(0.2, 0.8, 128);
     let (sum, _) = gather(&setting, &believer(4. / 9.), None, 4000);
     near(sum.variance(), 0.0316, 1e-3);
-    near(weigh(&mut setting.job(1), 64_000).variance(), 0.0648, 3e-3);
+    near(weigh(&setting, 1, 64_000).variance(), 0.0648, 3e-3);
 }
 
 /// The variance of the pixels of a room with a window, and the rays of a
@@ -246,18 +210,16 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let window = Film::new(16, 16).window;
     let allocation = &Allocation::new(window, counts, scale);
     let default = setting.gather((16, 16));
-    let intersector = default.intersector;
     let cache = &RadianceCache::empty(Grid::around(&[]));
     let gather = &Gather { seed: 9, training: 1 << 17, ..default };
-    let prototype =
-        Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (cache, _) = train(&prototype, &|_| true).unwrap();
+    let (cache, _) =
+        train(&tracer(gather, cache, allocation), &|_| true).unwrap();
     let correction =
         step.map(|step| Correction { step, ..Correction::default() });
     let gather =
         &Gather { seed: 4, correction, ..setting.gather((16, 16)) };
-    let prototype = Tracer { gather, cache: &cache, ..prototype };
-    let (pixels, _, rays) = scrambles(&prototype, 100);
+    let tracer = tracer(gather, &cache, allocation);
+    let (pixels, _, rays) = scrambles(tracer, 100);
     let sum: f64 = pixels.iter().map(Accumulator::variance).sum();
     (sum / 256., rays)
 }
@@ -306,9 +268,7 @@ fn a_level_stands_for_an_interval_of_radiances() {
         0.12743, 0.12745, 0.13013, 0.13014, //
         0.57757, 0.57759, 0.58407, 0.58409,
     ];
-    let mut bytes = vec![];
-    Format::Pgm.write(&image(8, ends, None, None), &mut bytes).unwrap();
-    let (_, _, levels) = pgm(&bytes);
+    let (.., levels) = pgm(&bytes(Format::Pgm, &Image::plain(8, 1, ends)));
     assert_eq!(levels, [99, 100, 100, 101, 199, 200, 200, 201]);
 }
 
@@ -318,10 +278,7 @@ fn background(up: DVec3, triangles: &[Triangle]) -> KnownPixels {
     let (position, fov) = (DVec3::ZERO, 90.);
     let view = View { position, target: DVec3::Y, up, fov };
     let camera = Camera::new(&view, 1.).unwrap();
-    let faces = (0..triangles.len() as u32).collect();
-    let triangles = solids::apart(triangles, faces);
-    let bvh =
-        Bvh::of(triangles, Quality::FAST, Isa::best(), &|_| ()).unwrap();
+    let bvh = answers_scene::intersector(triangles);
     KnownPixels::background(&camera, Sky::new(up), (64, 64), position, &bvh)
 }
 
@@ -348,7 +305,7 @@ fn a_triangle_in_four_parts_is_seen_by_one_tile_less() {
 
 #[test]
 fn the_end_of_a_run_is_foreseen_with_what_it_may_not_have_seen() {
-    let limits = until(0.01);
+    let limits = Limits { error: Some(0.01), ..Limits::default() };
     let step = r#"{"spp": 16, "seconds": 1.0, "rays": 1, "rmse": 0.04,
         "mean": 0.5, "mean_stderr": 0.001}"#;
     let mut convergence = Convergence::default();
@@ -365,27 +322,34 @@ fn the_end_of_a_run_is_foreseen_with_what_it_may_not_have_seen() {
 fn a_plane_is_believed_to_have_no_noise_after_35_samples() {
     let above = look(DVec3::new(0.3, 0.1, 2.), DVec3::ZERO, 20.);
     let setting = Setting::new(&plane(), (0.5, DVec3::Z), &above, 1.);
-    let (limits, setting) = (until(0.001), setting.unwrap());
+    let limits = Limits { error: Some(0.001), ..Limits::default() };
     let (mut film, mut convergence) =
         (Film::new(50, 50), Convergence::default());
-    let job = &mut setting.job(1);
-    let stop = go_on(job, &mut convergence, &mut film, &limits);
+    let setting = setting.unwrap();
+    let stop =
+        go_on(&mut setting.job(1), &mut convergence, &mut film, &limits);
     assert_eq!((stop, convergence.spp), (Stop::Error, 35));
     assert_eq!(film.summary().rmse, 0.);
 }
 
 #[test]
 fn two_pixels_are_compared_by_hand() {
-    let a = image(1, vec![0.62], Some(0.02), Some(16.));
-    let b = image(1, vec![0.56], Some(0.03), Some(64.));
+    let (a, b) = (row(&[(0.62, 0.02)], 16.), row(&[(0.56, 0.03)], 64.));
     let gap = compare(&a, &b).unwrap().sum;
+    let freedom =
+        0.0013f64.powi(2) / (0.02f64.powi(4) / 15. + 0.03f64.powi(4) / 63.);
+    near(gap.z(), 0.06 / 0.0013f64.sqrt(), 1e-12);
+    near(gap.freedom(), freedom, 1e-9);
     near(gap.z(), 1.66, 0.005);
     near(gap.freedom(), 71.8, 0.05);
 }
 
 #[test]
 fn a_bias_that_is_everywhere_shows_in_the_mean_alone() {
-    let all = |x| image(640, vec![x; 307_200], Some(0.05), None);
+    let all = |x| Image {
+        errors: Some(vec![0.05; 307_200]),
+        ..Image::plain(640, 480, vec![x; 307_200])
+    };
     let failed = |bias| {
         let difference = compare(&all(0.5 + bias), &all(0.5)).unwrap();
         difference.scales.map(|scale| scale.failed)
@@ -398,7 +362,7 @@ fn a_bias_that_is_everywhere_shows_in_the_mean_alone() {
 #[test]
 fn a_ninth_of_a_sphere_lets_out_half_of_the_light() {
     near(cavity_radiance(0.9, 1. / 9.), 0.5, 1e-15);
-    let pixel = weigh(&mut sphere(1. / 9., 0.9, 128).job(1), 20_000);
+    let pixel = weigh(&sphere(1. / 9., 0.9, 128), 1, 20_000);
     near(pixel.mean(), 0.5, 4.5 * pixel.standard_error());
 }
 

@@ -8,7 +8,6 @@ use crate::prelude::*;
 
 use crate::polygons;
 
-use litpt::sampler::sobol::ScrambledNet;
 use litpt_book::solids::cube;
 
 /// Demands that a mean of `n` samples of this variance is near
@@ -26,6 +25,8 @@ fn nearly_parallel_vectors_have_a_cross_product() {
     let v = DVec3::new(1., 1. - epsilon, 0.);
     assert_eq!(u.cross(v).z, 0.);
     assert_eq!(cross(u, v).z, -power_of_two(-60));
+    let rounded = DVec3::new(0.1, 0.2, 0.3);
+    assert_eq!(cross(rounded, 2. * rounded), DVec3::ZERO);
     let angle = cross(u, v).length() / (u.length() * v.length());
     assert!((angle - 4e-19).abs() < 0.4e-19);
     let view = View { position: DVec3::ZERO, target: u, up: v, fov: 9. };
@@ -102,7 +103,7 @@ fn the_longest_component_of_up_is_the_zenith() {
 }
 
 /// An intersector for triangles in the coordinates of the scene.
-fn intersector(triangles: &[Triangle]) -> Bvh {
+pub fn intersector(triangles: &[Triangle]) -> Bvh {
     let faces = (0..triangles.len() as u32).collect();
     let triangles = solids::apart(triangles, faces);
     Bvh::of(triangles, Quality::FAST, Isa::Portable, &|_| ()).unwrap()

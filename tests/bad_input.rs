@@ -5,8 +5,8 @@
 
 use crate::prelude::*;
 
-use litpt::cli::options::{Error, Options};
-use litpt::sensor::read_points;
+use crate::options::usage;
+use litpt::cli::options::Options;
 
 /// A triangle that fills a part of the image.
 const TRIANGLE: &str = "v -9 -9 0\nv 9 -8 0\nv -1 7 0\n";
@@ -17,9 +17,7 @@ fn refused(bytes: impl AsRef<[u8]>, words: &[&str]) {
     let error = read_file(bytes.as_ref()).unwrap_err();
     let error = error.of_file("scene.obj").to_string();
     assert!(error.starts_with("scene.obj:") && error.lines().count() == 1);
-    for word in words {
-        assert!(error.contains(word), "{error}: {word}");
-    }
+    says(&error, words);
 }
 
 /// What an OBJ says: the triangles of its scene, how many the file has, and
@@ -58,8 +56,7 @@ fn with(lines: &str) -> String {
 
 #[test]
 fn a_fault_touches_no_output() {
-    let place = Scratch::new();
-    place.put("scene.obj", "v 0 0 0\nf 1 1 2\n");
+    let place = Scratch::with("scene.obj", "v 0 0 0\nf 1 1 2\n");
     place.put("old.pgm", "old");
     for output in ["-onew.pgm", "-foold.pgm"] {
         let run = place.line(&format!("-iscene.obj {output}"));
@@ -251,6 +248,8 @@ fn a_backslash_continues_a_line() {
     same(odd.replace(" \\\n", "\\\n"), &with(""));
     same(odd.trim_end().to_owned() + " \\ ", &with(""));
     same("v -9 -9\\\n0\nv 9 -8 0\nv -1 7 0\nf 1 2\\\\\n3", &with(""));
+    let joined = "v\\\n -9 -9 0\nv 9 -8 0\n\\\nv\x0c-1 7 0\nf\\\n 1 2 3\n";
+    same(joined, &with(""));
     // No two numbers become one, though there is a vertex of that number.
     let many = TRIANGLE.to_owned() + &"v 1 1 1\n".repeat(30);
     let glued = format!("{many}f 1//1\\\n2//2\\\r\n3\\\r3\n");
@@ -283,6 +282,18 @@ fn a_comment_begins_where_a_word_begins() {
         refused(TRIANGLE.replace("-9 0", &format!("-9 {word}")), &[word]);
     }
     refused(format!("{TRIANGLE}f 1 2 3#4"), &[":4: ", "3#4"]);
+    for comment in [" # x", " # f 1 2 3", " #1", " #", "\t# é 4 5"] {
+        same(with("").replace('\n', &format!("{comment}\n")), &with(""));
+    }
+    let latin = [TRIANGLE.as_bytes(), b"f 1 2 3 # caf\xe9\n"].concat();
+    same(latin, &with(""));
+    for (line, words) in [
+        ("f 1 2 # 3\n", "a face of 2 corners; it needs three"),
+        ("f 1 2 9 # 3\n", "corner 9, but only 3 vertices"),
+        ("v 1 2 # 3\n", "a vertex without z"),
+    ] {
+        refused(with(line), &[&format!(":4: {words}")]);
+    }
 }
 
 /// A file of another kind is named.
@@ -325,16 +336,13 @@ fn at_most_80_characters_are_quoted() {
     let named_albedos = vec![(long.clone(), 0.5)];
     let named = Named { named_albedos, ..Named::default() };
     let words = ["pt", "--spp", &long].map(String::from);
-    let Err(Error::Usage(usage)) = Options::parse(words) else {
-        panic!("{long} samples");
-    };
     for told in [
         read_file(text.as_bytes()).unwrap_err().to_string(),
         FaceAlbedos::new(&marks, &named, 0.5).unwrap_err().to_string(),
         read_points(blanks.as_bytes(), &mut vec![])
             .unwrap_err()
             .to_string(),
-        usage,
+        usage(Options::parse(words)),
     ] {
         assert!(told.chars().count() < 400, "{told}");
         assert!(!told.contains('\u{1b}'), "{told}");

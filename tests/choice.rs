@@ -187,8 +187,7 @@ fn a_choice_depends_on_the_scene_and_the_samples_alone() {
 
 #[test]
 fn an_explanation_says_which_method_and_why() {
-    let place = Scratch::new();
-    place.put("box.obj", BOX);
+    let place = Scratch::with("box.obj", BOX);
     let seen = |view: &str, n: &str| {
         let text = place.done(&format!("{view} --explain {n}")).text();
         let line = text.lines().find(|line| line.starts_with("method"));

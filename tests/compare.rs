@@ -6,20 +6,20 @@
 
 use crate::prelude::*;
 
+use crate::formats::unnamed;
+use crate::random::Random;
+use crate::render_loop::image_of;
+
 use std::f64::consts::FRAC_PI_2;
 
 use litpt::compare::display::{
     Curve, WHITE, cut_out, errors, tonemap, z_map,
 };
-use litpt::compare::{
-    Difference, Dispersion, FALSE_ALARMS, FEW, compare, disagreements,
-};
-
-type Random = Pcg64Mcg;
+use litpt::compare::{Difference, Dispersion, FALSE_ALARMS, FEW, compare};
 
 /// An image of one row whose pixels have these means and errors from
 /// `n` samples.
-fn row(pixels: &[(f64, f64)], n: f64) -> Image {
+pub fn row(pixels: &[(f64, f64)], n: f64) -> Image {
     let means = pixels.iter().map(|p| p.0).collect();
     Image {
         errors: Some(pixels.iter().map(|p| p.1).collect()),
@@ -34,19 +34,19 @@ fn reference(means: &[f64]) -> Image {
 }
 
 /// Renders an image of the given weights.
-fn render(
-    (width, height): (u32, u32),
+pub fn render(
+    size: (u32, u32),
     n: u32,
     mut weight: impl FnMut(u32, u32) -> f64,
 ) -> Image {
-    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    let pixel = |(x, y)| {
-        let mut sum = Accumulator::default();
-        (0..n).for_each(|_| sum.add(weight(x, y)));
-        (sum.mean(), sum.standard_error())
-    };
-    let pixels: Vec<_> = pixels.map(pixel).collect();
-    Image { width, height, ..row(&pixels, f64::from(n)) }
+    let mut weights = |x, y| (0..n).map(|_| weight(x, y)).collect();
+    with_own_errors(&image_of(size, &mut weights))
+}
+
+/// The image of a film, whose pixels do not borrow from their neighbours.
+fn with_own_errors(film: &Film) -> Image {
+    let errors = Some(film.errors(0., film.window));
+    Image { errors, ..unnamed(film).image() }
 }
 
 /// The weight of a path: a power of 0.8, or nothing.
@@ -69,16 +69,6 @@ fn normal(random: &mut Random) -> f64 {
 
 fn failures(difference: &Difference) -> [usize; 3] {
     difference.scales.map(|scale| scale.failed)
-}
-
-#[test]
-fn z_and_its_degrees_of_freedom_are_those_of_welch() {
-    let (a, b) = (row(&[(0.5, 0.03)], 10.), row(&[(0.4, 0.04)], 20.));
-    let sum = compare(&a, &b).unwrap().sum;
-    assert!((sum.z() - 2.).abs() < 1e-12);
-    let freedom =
-        0.05f64.powi(4) / (0.03f64.powi(4) / 9. + 0.04f64.powi(4) / 19.);
-    assert!((sum.freedom() - freedom).abs() < 1e-9);
 }
 
 /// The share of each test is 1 - 0.99^(1/4); the quantiles of it are
@@ -108,7 +98,7 @@ fn the_thresholds_are_those_of_student_and_of_the_normal_distribution() {
 }
 
 /// A weight that is 1 with the probability `p`, and else 0.
-fn coin(p: f64) -> impl Fn(&mut Random) -> f64 {
+pub fn coin(p: f64) -> impl Fn(&mut Random) -> f64 {
     move |random| f64::from(u8::from(random.random_bool(p)))
 }
 
@@ -258,26 +248,6 @@ fn the_distances_are_those_of_their_definitions() {
 }
 
 #[test]
-fn all_that_differs_is_named() {
-    let of = |view: &[(&str, &str)]| {
-        let own =
-            |&(name, value): &(&str, &str)| (name.into(), value.into());
-        view.iter().map(own).collect()
-    };
-    let hash = "0123456789abcdef".repeat(4);
-    let one = of(&[("fov", "70.0"), ("seed", "1"), ("crop", "0,0,1x1")]);
-    let two = of(&[("fov", "70.5"), ("scene_sha256", &hash)]);
-    let found = disagreements(&one, &two);
-    let expected = [
-        "scene_sha256 none against 0123456789ab",
-        "crop 0,0,1x1 against none",
-        "fov 70.0 against 70.5",
-    ];
-    assert_eq!(found, expected);
-    assert!(disagreements(&one, &of(&[("seed", "1")])).is_empty());
-}
-
-#[test]
 fn what_is_cut_out_is_its_surface_alone_and_gaps_remain() {
     let opacity = vec![0.5, 0.5, 0., 1.];
     let image = Image {
@@ -395,31 +365,19 @@ fn shared(
     n: u32,
     random: &mut Random,
 ) -> Image {
-    let columns = width.div_ceil(16);
-    let tile =
-        |i: u32| (i / width / 16 * columns + i % width / 16) as usize;
-    let tiles = tile(width * height - 1) + 1;
-    let mut pixels =
-        vec![Accumulator::default(); (width * height) as usize];
-    let mut means = vec![Accumulator::default(); tiles];
-    let mut areas = vec![0.; tiles];
-    (0..width * height).for_each(|i| areas[tile(i)] += 1.);
-    for _ in 0..n {
-        let common: Vec<_> = (0..tiles).map(|_| normal(random)).collect();
-        let mut sums = vec![0.; tiles];
-        for (i, pixel) in (0..).zip(&mut pixels) {
-            let value = common[tile(i)] + normal(random);
-            pixel.add(value);
-            sums[tile(i)] += value / areas[tile(i)];
+    let mut film = Film::new(width, height).with_shared_tiles();
+    for FilmTile { pixels, mut mean, .. } in film.tiles() {
+        for _ in 0..n {
+            let (common, mut sum) = (normal(random), 0.);
+            for pixel in &mut *pixels {
+                let value = common + normal(random);
+                pixel.add(value);
+                sum += value;
+            }
+            mean.as_mut().unwrap().add(sum / pixels.len() as f64);
         }
-        means.iter_mut().zip(sums).for_each(|(mean, sum)| mean.add(sum));
     }
-    let error =
-        |i| f64::sqrt(areas[tile(i)]) * means[tile(i)].standard_error();
-    let own = pixels.iter().map(|p| (p.mean(), p.standard_error()));
-    let own: Vec<_> = own.collect();
-    let tile_errors = Some((0..width * height).map(error).collect());
-    Image { width, height, tile_errors, ..row(&own, n.into()) }
+    with_own_errors(&film)
 }
 
 /// With the probability 0.01 of an alarm, 300 pairs give more than 11 alarms

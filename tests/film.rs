@@ -6,11 +6,9 @@
 
 use crate::prelude::*;
 
-use crate::render_loop::{watch_of, with_threads};
+use crate::render_loop::{WORLD, watch_of, with_threads};
 
 use std::collections::HashSet;
-
-use litpt::sampler::sobol::SobolSampler;
 
 #[test]
 fn each_pixel_belongs_to_one_tile_and_is_found_there() {
@@ -84,50 +82,6 @@ fn a_pixel_without_a_sample_has_no_mean() {
     assert!(film.summary().rmse.is_infinite());
 }
 
-/// The inside of an open sphere.
-fn sphere() -> Setting {
-    let view = look(DVec3::ZERO, DVec3::new(0.5, 0.3, -1.), 100.);
-    Setting::new(&cavity(0.3, 24), (0.8, DVec3::Z), &view, 1.5).unwrap()
-}
-
-/// Renders it in the given passes; the means and the summary.
-fn render(
-    threads: usize,
-    passes: &[u64],
-    (quality, isa): (Quality, Isa),
-) -> Vec<u64> {
-    let setting = sphere();
-    let scene = Scene::new(&cavity(0.3, 24));
-    let intersector = &Bvh::with(&scene, quality, isa).unwrap();
-    let mut job = Job { intersector, ..setting.job(9) };
-    let mut film = Film::new(60, 40);
-    with_threads(threads, || {
-        let mut done = 0;
-        for n in passes {
-            done += n;
-            job.pass(&mut film, done, &|_| true);
-        }
-    });
-    let Summary { mean, mean_stderr: error, .. } = film.summary();
-    let bits = film.means().map(f64::to_bits);
-    bits.chain([mean.to_bits(), error.to_bits()]).collect()
-}
-
-#[test]
-fn the_image_depends_neither_on_threads_and_passes_nor_on_the_hierarchy() {
-    let usual = (Quality::FAST, Isa::Portable);
-    let film = render(1, &[8], usual);
-    for (threads, passes) in [(2, &[8][..]), (7, &[8]), (3, &[1, 5, 2])] {
-        assert_eq!(render(threads, passes, usual), film);
-    }
-    assert_ne!(render(1, &[7], usual), film);
-    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-        for quality in [Quality::FAST, Quality::THOROUGH] {
-            assert_eq!(render(2, &[8], (quality, isa)), film, "{isa:?}");
-        }
-    }
-}
-
 #[test]
 fn progress_counts_every_path_once() {
     let paths = AtomicU64::new(0);
@@ -135,7 +89,7 @@ fn progress_counts_every_path_once() {
         paths.fetch_add(n, Relaxed);
         true
     };
-    sphere().job(0).pass(&mut Film::new(35, 18), 3, &count);
+    WORLD.job(0).pass(&mut Film::new(35, 18), 3, &count);
     assert_eq!(paths.into_inner(), 35 * 18 * 3);
 }
 
@@ -168,13 +122,12 @@ fn last(tile: Tile) -> (u32, u32) {
 
 #[test]
 fn a_window_has_the_samples_of_the_whole_image() {
-    let setting = sphere();
     let resolution = (60, 40);
     let mut whole = Film::new(resolution.0, resolution.1);
-    setting.job(9).pass(&mut whole, 3, &|_| true);
+    WORLD.job(9).pass(&mut whole, 3, &|_| true);
     for window @ Window { corner, size } in WINDOWS {
         let mut part = Film::cropped(resolution, window, false);
-        setting.job(9).pass(&mut part, 3, &|_| true);
+        WORLD.job(9).pass(&mut part, 3, &|_| true);
         assert_eq!(part.window.size, size);
         assert_eq!(part.resolution, resolution);
         assert_eq!(part.rows().count(), window.area());
@@ -237,24 +190,23 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
 
 #[test]
 fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
-    let setting = sphere();
     let size = (100, 70);
     let plain = |n| {
         let mut film = Film::new(size.0, size.1);
-        setting.job(4).pass(&mut film, n, &|_| true);
+        WORLD.job(4).pass(&mut film, n, &|_| true);
         film
     };
     let counts = |film: &Film| -> HashSet<u64> {
         film.rows().map(Accumulator::count).collect()
     };
     let mut whole = Film::new(size.0, size.1);
-    let all_rays = setting.job(4).pass(&mut whole, 7, &|_| true);
+    let all_rays = WORLD.job(4).pass(&mut whole, 7, &|_| true);
     for threads in [1, 2, 7] {
         with_threads(threads, || {
             let (mut film, mut rays) = (Film::new(size.0, size.1), 0);
             for (end, calls) in [(4, 21), (7, 30), (7, 17), (7, 0)] {
                 let watch = &watch_of(calls);
-                rays += setting.job(4).pass(&mut film, end, watch);
+                rays += WORLD.job(4).pass(&mut film, end, watch);
                 assert!(film.samples() < end);
                 // Each pixel is that of a whole film of so many samples.
                 for n in counts(&film) {
@@ -268,7 +220,7 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
                 }
             }
             assert!(counts(&film).len() > 1, "{:?}", counts(&film));
-            rays += setting.job(4).pass(&mut film, 7, &|_| true);
+            rays += WORLD.job(4).pass(&mut film, 7, &|_| true);
             assert_eq!(film.pixels, whole.pixels);
             assert_eq!(rays, all_rays);
         });
@@ -291,29 +243,23 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
             Some(Hit { point, normal, primitive: 0 })
         }
     }
-    let setting = sphere();
-    let Job { sensor, known_pixels, sampler, .. } = setting.job(1);
+    let closed = &Closed(AtomicU64::new(0), AtomicU64::new(0));
+    let Job { sensor, known_pixels, sampler, .. } = WORLD.job(1);
     let integrator = PathTracer::new(Surfaces::of(1.), Sky::new(DVec3::Z));
+    let intersector = closed;
+    let mut job =
+        Job { sensor, intersector, integrator, known_pixels, sampler };
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
     {
         for threads in [1, 4] {
-            let closed =
-                Closed(AtomicU64::new(0), AtomicU64::new(u64::MAX));
-            let intersector = &closed;
+            closed.0.store(0, Relaxed);
+            closed.1.store(u64::MAX, Relaxed);
             let watch = |_| {
                 let rays = closed.0.load(Relaxed);
                 let goes_on = rays < 300_000;
                 let told = if goes_on { u64::MAX } else { rays };
                 closed.1.fetch_min(told, Relaxed);
                 goes_on
-            };
-            let sampler = sampler.clone();
-            let mut job = Job {
-                sensor,
-                intersector,
-                integrator,
-                known_pixels,
-                sampler,
             };
             let mut film = Film::new(size.0, size.1);
             with_threads(threads, || job.pass(&mut film, end, &watch));
@@ -349,8 +295,7 @@ impl Integrator for Distance {
 
 /// A film of 64 by 64 pixels after so many samples in nets of 16 points.
 fn nets(samples: u64) -> Film {
-    let setting = sphere();
-    let Job { sensor, intersector, known_pixels, .. } = setting.job(0);
+    let Job { sensor, intersector, known_pixels, .. } = WORLD.job(0);
     let (sampler, integrator) = (SobolSampler::new(11, 16), Distance);
     let mut job =
         Job { sensor, intersector, integrator, known_pixels, sampler };
@@ -376,13 +321,4 @@ fn errors_are_honest_if_the_film_knows_what_depends_on_what() {
     // That of independent samples, of variance 8/45 each.
     let hidden = stated / (8. / 45. / 256.);
     assert!(hidden < 0.1, "{hidden}");
-}
-
-#[test]
-fn passes_end_with_whole_replicates() {
-    for (asked, there) in [(1, 16), (16, 16), (17, 32), (33, 48)] {
-        let film = nets(asked);
-        assert_eq!(film.samples(), there);
-        assert!(film.rows().all(|pixel| pixel.count() == there / 16));
-    }
 }

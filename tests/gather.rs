@@ -6,28 +6,14 @@
 
 use crate::prelude::*;
 
-use crate::bvh::apart;
+use crate::answers_light::scrambles;
 use crate::sampler::{assert_cosine, normals};
 
-use std::sync::OnceLock;
-
-use litpt::analysis::{LitView, SHORTCUTS};
-use litpt::integrator::gather::Gather;
-use litpt::integrator::gather::cache::{
-    Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY, WHOLE,
-};
 use litpt::integrator::gather::guide::{
     BINS, Guide, SIDE, bin, direction, main_axis,
 };
-use litpt::integrator::gather::{Allocation, Correction, End};
-use litpt::sampler::sobol::{ScrambledNet, scramble_key};
-use litpt::sensor::Sensor;
 use litpt_book::settings;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-
-fn point(random: &mut impl Rng) -> [f64; 2] {
-    [random.random(), random.random()]
-}
 
 // ------------------------------------------------------------------- Guides
 
@@ -180,7 +166,7 @@ fn uniform_points_become_directions_of_cosine_density() {
     for normal in all.iter().step_by(all.len() / 16) {
         let mut random = generator(7, 0, 0);
         assert_cosine(chance, *normal, 1 << 16, || {
-            direction(*normal, point(&mut random))
+            direction(*normal, random.random())
         });
     }
 }
@@ -191,14 +177,13 @@ fn uniform_points_become_directions_of_cosine_density() {
 fn directions_turn_smoothly_while_the_main_axis_remains() {
     let mut random = generator(8, 0, 0);
     for normal in normals() {
-        let mut one = || 1e-4 * (random.random::<f64>() - 0.5);
-        let near = normal + DVec3::new(one(), one(), one());
+        let near = normal + 5e-5 * in_cube(&mut random);
         let near = near.normalize();
         if main_axis(normal) != main_axis(near) {
             continue;
         }
         for _ in 0..20 {
-            let s = point(&mut random);
+            let s = random.random();
             let step = direction(normal, s).distance(direction(near, s));
             assert!(step < 8. * near.distance(normal), "{normal}: {step}");
         }
@@ -215,11 +200,6 @@ fn side_around(grid: &Grid, centre: f64) -> f64 {
     sides.find(|&side| name(side) != name(0.)).unwrap()
 }
 
-/// The same around the origin.
-fn side(grid: &Grid) -> f64 {
-    side_around(grid, 0.)
-}
-
 /// Points spread evenly over a length along one axis.
 fn along(axis: usize, length: f64) -> Vec<DVec3> {
     let at = |i: i32| length * (f64::from(i) / 1000. - 0.5);
@@ -228,7 +208,7 @@ fn along(axis: usize, length: f64) -> Vec<DVec3> {
 
 #[test]
 fn the_side_of_the_cubes_follows_from_the_spread_of_the_points() {
-    let of = |points: &[DVec3]| side(&Grid::around(points));
+    let of = |points: &[DVec3]| side_around(&Grid::around(points), 0.);
     assert_eq!(of(&[]), 1.);
     for (x, count) in [(77., 1), (-1e3, 5000)] {
         let grid = Grid::around(&vec![DVec3::splat(x); count]);
@@ -260,7 +240,7 @@ fn six_and_ties() -> Vec<DVec3> {
 #[test]
 fn the_names_of_coarser_cells_nest() {
     let grid = Grid::around(&along(0, 640.));
-    let (side, mut random) = (side(&grid), generator(9, 0, 0));
+    let (side, mut random) = (side_around(&grid, 0.), generator(9, 0, 0));
     let cube = |p: DVec3, level: usize| {
         let side = side * f64::from(1 << level);
         (p / side).floor().to_array()
@@ -268,10 +248,9 @@ fn the_names_of_coarser_cells_nest() {
     let class = |n: DVec3| (main_axis(n), n[main_axis(n)] > 0.);
     let normals = six_and_ties();
     for i in 0..20_000 {
-        let mut one = || random.random::<f64>() - 0.5;
-        let p = 200. * DVec3::new(one(), one(), one());
-        let reach = 4. * side * f64::from(1 << (i % LEVELS));
-        let q = p + reach * DVec3::new(one(), one(), one());
+        let p = 100. * in_cube(&mut random);
+        let reach = 2. * side * f64::from(1 << (i % LEVELS));
+        let q = p + reach * in_cube(&mut random);
         let mut any = || normals[random.random_range(0..normals.len())];
         let (n, m) = (any(), any());
         for level in 0..LEVELS {
@@ -290,26 +269,21 @@ fn at(cache: &RadianceCache, p: DVec3, normal: DVec3) -> Cell {
     *cache.at(cache.grid.name(p, normal))
 }
 
-/// So many records of one value, from a cell.
-fn told(from: u64, value: f32, count: usize) -> Vec<Record> {
-    let (to, bin, share) = (SKY, 0, WHOLE);
-    vec![
-        Record { from, to, weight: value, bin, relative_albedo: share };
-        count
-    ]
+/// A record of a value that one cell has from another.
+pub fn record(from: u64, to: u64, weight: f32) -> Record {
+    Record { from, to, weight, bin: 0, relative_albedo: WHOLE }
 }
 
 #[test]
 fn a_place_without_records_has_the_cell_of_the_next_level() {
     let grid = Grid::around(&along(0, 640.));
-    let (side, mut random) = (side(&grid), generator(10, 0, 0));
+    let (side, mut random) = (side_around(&grid, 0.), generator(10, 0, 0));
     let p = DVec3::new(3., 4., 5.);
-    let mut records = told(grid.name(p, DVec3::Z), 0.5, 20);
+    let mut records = vec![record(grid.name(p, DVec3::Z), SKY, 0.5); 20];
     let cache =
         RadianceCache::empty(grid).learn(&mut records, 0.8, &|_| true);
     for _ in 0..1000 {
-        let mut one = || 40. * side * (random.random::<f64>() - 0.5);
-        let q = p + DVec3::new(one(), one(), one());
+        let q = p + 20. * side * in_cube(&mut random);
         let level = (0..LEVELS).find(|level| {
             let side = side * f64::from(1 << level);
             (p / side).floor() == (q / side).floor()
@@ -325,7 +299,7 @@ fn a_place_without_records_has_the_cell_of_the_next_level() {
 /// axis of the normal, with their bilinear weights from the distances to
 /// their centres.
 fn around(grid: &Grid, p: DVec3, normal: DVec3) -> BTreeMap<u64, f64> {
-    let side = side(grid);
+    let side = side_around(grid, 0.);
     let centres = p / side - 0.5;
     let (low, part) = (centres.floor(), centres - centres.floor());
     let a = (main_axis(normal) + 1) % 3;
@@ -349,7 +323,7 @@ fn around(grid: &Grid, p: DVec3, normal: DVec3) -> BTreeMap<u64, f64> {
 fn a_cell_nearby_is_drawn_with_its_bilinear_weight() {
     const PARTS: i32 = 64;
     let grid = Grid::around(&along(0, 640.));
-    let (side, mut random) = (side(&grid), generator(14, 0, 0));
+    let (side, mut random) = (side_around(&grid, 0.), generator(14, 0, 0));
     for normal in six_and_ties() {
         for i in 0..100 {
             let mut place = || match i {
@@ -450,7 +424,7 @@ impl Stage {
         let mut random = generator(20, 0, 0);
         let mut points = vec![];
         while points.len() < count {
-            let [x, y] = point(&mut random);
+            let [x, y]: [f64; 2] = random.random();
             let mut end = tracer.trace_primary(x, y);
             while let End::Hit(hit) = end {
                 points.push((hit.point, hit.normal));
@@ -491,11 +465,9 @@ fn lie(
         for i in 0..RECORDS {
             let [row, column] = [0; 2].map(|_| random.random_range(0..4));
             let bin = 66 + 16 * row + column;
-            let (to, share) = (SKY, WHOLE);
-            let sky =
-                Record { from, to, weight, bin, relative_albedo: share };
+            let sky = Record { bin, ..record(from, SKY, weight) };
             let bin = random.random_range(0..BINS as u16);
-            let dark = Record { to: DARKNESS, weight: 1., bin, ..sky };
+            let dark = Record { bin, ..record(from, DARKNESS, 1.) };
             records.push(if i % 10 == 0 { sky } else { dark });
         }
     }
@@ -520,36 +492,21 @@ const FEW: (u32, u32) = (6, 4);
 const FRUGAL: Correction =
     Correction { group: 3, step: 1., gathers: 4, paths: 2, branches: 2 };
 
-/// The mean of each pixel over many scrambles, and that of the image.
+/// The mean of each pixel over 300 scrambles, and that of the image.
 fn gathered(
     stage: &Stage,
     cache: &RadianceCache,
     correction: Option<Correction>,
-    scrambles: u64,
 ) -> (Vec<Accumulator>, Accumulator) {
-    let (width, height) = stage.resolution;
-    let mut film = Film::new(width, height);
-    let tiles: Vec<Tile> =
-        film.tiles().iter().map(|part| part.tile).collect();
-    let area = (width * height) as usize;
+    let window = stage.film(1).window;
+    let area = window.area();
     // Pixels have 1, 2, 3, 5 samples.
     let counts = (0..area).map(|i| [1, 2, 3, 5][i % 4]).collect();
     let scale = (0..area).map(|i| [0.1, 1., 3.][i % 3]).collect();
-    let allocation = Allocation::new(film.window, counts, scale);
-    let gather = Gather { correction, ..stage.gather(23) };
-    assert_eq!(tiles.len(), 1, "one tile");
-    let image = |n| {
-        let mut tracer = tracer(&gather, cache, &allocation);
-        tracer.tile(tiles[0], n)[0].clone()
-    };
-    let images = (0..scrambles).into_par_iter().map(image);
-    let images: Vec<Vec<f64>> = images.collect();
-    let mut pixels = vec![Accumulator::default(); area];
-    let mut whole = Accumulator::default();
-    for image in images {
-        whole.add(image.iter().sum::<f64>() / area as f64);
-        pixels.iter_mut().zip(image).for_each(|(p, v)| p.add(v));
-    }
+    let allocation = &Allocation::new(window, counts, scale);
+    let gather = &Gather { correction, ..stage.gather(23) };
+    let tracer = tracer(gather, cache, allocation);
+    let (pixels, whole, _) = scrambles(tracer, 300);
     (pixels, whole)
 }
 
@@ -560,45 +517,29 @@ fn z(found: &Accumulator, (truth, error): (f64, f64)) -> f64 {
 /// Demands that all lies leave the pixels of a scene and their mean as they
 /// are, given with their errors; and that they do not without a correction.
 #[track_caller]
-fn assert_unmoved(
-    stage: &Stage,
-    pixels: &[(f64, f64)],
-    mean: (f64, f64),
-    scrambles: u64,
-) {
+fn assert_unmoved(stage: &Stage, truth: &Truth) {
+    let &Truth { ref pixels, mean } = truth;
     let chance = &mut Chance::default();
     for (name, cache) in lies(stage) {
-        let (found, whole) =
-            gathered(stage, &cache, Some(FRUGAL), scrambles);
+        let (found, whole) = gathered(stage, &cache, Some(FRUGAL));
         chance.normal(z(&whole, mean), &format!("{name}, the mean"));
         for (i, (found, &truth)) in found.iter().zip(pixels).enumerate() {
             chance.normal(z(found, truth), &format!("{name}, pixel {i}"));
         }
-        let (_, believed) = gathered(stage, &cache, None, scrambles);
+        let (_, believed) = gathered(stage, &cache, None);
         let z = z(&believed, mean);
         assert!(z.abs() > 30., "{name} is believed: z = {z}");
     }
 }
 
 #[test]
-fn a_lying_cache_does_not_change_the_mean_of_a_cavity() {
-    let (stage, exact) = Stage::cavity(FEW);
-    let pixels = [(exact, 0.); (FEW.0 * FEW.1) as usize];
-    assert_unmoved(&stage, &pixels, (exact, 0.), 300);
-}
-
-#[test]
-fn a_lying_cache_does_not_change_the_mean_of_two_halves() {
-    let stage = Stage::halves(FEW);
-    let truth = Truth::of(&stage);
-    assert_unmoved(&stage, &truth.pixels, truth.mean, 300);
-}
-
-#[test]
-fn a_lying_cache_does_not_change_the_mean_of_furrows() {
-    let stage = Stage::furrows(FEW);
-    let truth = Truth::of(&stage);
-    assert_unmoved(&stage, &truth.pixels, truth.mean, 300);
+fn a_lying_cache_does_not_change_the_mean() {
+    let (cavity, exact) = Stage::cavity(FEW);
+    let pixels = vec![(exact, 0.); (FEW.0 * FEW.1) as usize];
+    assert_unmoved(&cavity, &Truth { pixels, mean: (exact, 0.) });
+    for stage in [Stage::halves(FEW), Stage::furrows(FEW)] {
+        assert_unmoved(&stage, &Truth::of(&stage));
+    }
 }
 
 // ------------------------------------------------------------ Honest errors
@@ -862,8 +803,7 @@ fn threads_and_instructions_do_not_change_a_bit_of_any_method() {
 #[test]
 fn a_checkpoint_decides_the_method_and_how_many_samples_are_placed_together()
  {
-    let place = Scratch::new();
-    place.put("box.obj", crate::choice::BOX);
+    let place = Scratch::with("box.obj", crate::choice::BOX);
     let method = |options: &str| {
         let view = "box.obj -p-.9,-.8,0 -t1,1,-.3 -r0.8 -d64x48 -q -f";
         place.done(&format!("{view} -oa.exr --report=r.json {options}"));
@@ -889,13 +829,11 @@ fn a_checkpoint_decides_the_method_and_how_many_samples_are_placed_together()
         on("d", "-n98");
         assert!(on("d", "-n160") == at_once, "{method}");
         assert!(image(&place, method, "-n160") != at_once);
-        // Another method or seed is another run.
+        // Another method is another run.
         let others = ["--integrator=reference", "--integrator=sobol"];
         let other = others.into_iter().find(|it| !it.ends_with(method));
-        let other = place.run(&["--resume=c", other.unwrap()]);
+        let other = place.line(&format!("--resume=c {}", other.unwrap()));
         other.failed(1, &["belongs to another run"]);
-        let seed = place.run(&["--resume=c", "--seed=1"]);
-        seed.failed(2, &["--seed: the run that is resumed has another"]);
     }
 }
 
@@ -935,7 +873,8 @@ fn scenes_without_light_or_surface_and_single_pixels_are_gathered() {
         let mesh = read_obj(text.as_bytes()).unwrap();
         let fov = if size == (1, 1) && n > 99 { 1. } else { 70. };
         let view = View { fov, ..eye };
-        let setting = settings::Setting { name: "", mesh, view, rho };
+        let usual = settings::named("one triangle");
+        let setting = settings::Setting { mesh, view, rho, ..usual };
         let pixels = Pixels::of_image(size);
         let sampling = Sampling::new(Method::Gather, 0, Some(n), pixels);
         let kept = if keeps { &SHORTCUTS[..] } else { &[] };

@@ -25,35 +25,29 @@ const KNOWN: [(&str, &str); 3] = [
 
 #[test]
 fn the_bits_of_samples_change_with_their_version_only() {
-    let place = Scratch::new();
-    place.put("box.obj", BOX);
+    let place = Scratch::with("box.obj", BOX);
     for (method, known) in Method::ALL.into_iter().zip(KNOWN) {
         let mut hash = Sha256::new();
         // With all and with nothing left out, faint paths, the sky alone,
         // and paths that are ended after many bounces.
         for options in [
-            &["-iroom.obj", "-r0.7", "-n9"][..],
-            &["-iroom.obj", "-r0.7", "-n9", "--keep-all"],
-            &["-iroom.obj", "-r0.2", "-n9", "-s7", "--keep-all"],
-            &["-iroom.obj", "-r0", "-n9"],
-            &["-isquare.obj", "-p0,0,2", "-n9"],
-            &["-ibox.obj", "-n2", "--keep-all"],
+            "-iroom.obj -r0.7 -n9",
+            "-iroom.obj -r0.7 -n9 --keep-all",
+            "-iroom.obj -r0.2 -n9 -s7 --keep-all",
+            "-iroom.obj -r0 -n9",
+            "-isquare.obj -p0,0,2 -n9",
+            "-ibox.obj -n2 --keep-all",
         ] {
-            let method = format!("--integrator={method}");
-            let format = ["-q", "-d7x5", "--format=pfm", &method];
-            let run = place.run(&[&format, options].concat()).succeeded();
+            let all = "-q -d7x5 --format=pfm --integrator";
+            let run = place.done(&format!("{all}={method} {options}"));
             hash.update(&run.stdout);
         }
         let hash = hash.finalize();
         let hash: String =
-            hash.iter().map(|byte| format!("{byte:02x}")).collect();
-        let identity =
-            Sampling::new(method, 0, Some(9), Pixels::of_image((7, 5)))
-                .identity();
-        assert_eq!(
-            (&*identity, &*hash),
-            known,
-            "if a sample is another now, raise its version, and record both"
-        );
+            hash.iter().map(|b| format!("{b:02x}")).collect();
+        let pixels = Pixels::of_image((7, 5));
+        let identity = Sampling::new(method, 0, Some(9), pixels).identity();
+        // If a sample is another now, raise its version, and record both.
+        assert_eq!((&*identity, &*hash), known);
     }
 }

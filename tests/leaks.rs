@@ -6,7 +6,6 @@
 
 use crate::prelude::*;
 
-use crate::bvh::apart;
 use litpt_book::solids::{Solid, rounded};
 use robust::{Coord3D, orient3d};
 
@@ -153,10 +152,7 @@ fn a_ray_beside_a_wall_stays_on_its_side() {
 #[test]
 fn a_thin_triangle_just_ahead_is_met() {
     let mut random = Pcg64::seed_from_u64(8);
-    let mut vector = || {
-        let mut one = || 2. * random.random::<f64>() - 1.;
-        DVec3::new(one(), one(), one())
-    };
+    let mut vector = || in_cube(&mut random);
     for i in 0..3000 {
         let (u, v) = (vector().normalize(), vector().normalize());
         let across = u.cross(v).normalize() / [300., 1000., 5000.][i % 3];

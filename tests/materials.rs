@@ -6,7 +6,7 @@
 use crate::prelude::*;
 
 use crate::encodings::{gzip, utf_16, zstd};
-use crate::scene::Random;
+use crate::random::{Random, any_of};
 
 use litpt::scene::mtl::{Library, read_mtl};
 
@@ -30,8 +30,7 @@ fn found(place: &Scratch, line: &str) -> (Vec<f64>, String) {
 }
 
 fn read(text: impl AsRef<[u8]>) -> (Vec<f64>, String) {
-    let place = Scratch::new();
-    place.put("m.mtl", text);
+    let place = Scratch::with("m.mtl", text);
     found(&place, "mtllib m.mtl")
 }
 
@@ -72,17 +71,15 @@ fn what_is_no_albedo_is_refused_or_told_with_its_line() {
             let text = format!("Kd x\n{TWO}{line}\n{line}\nnewmtl\nKd y");
             let (_, told) = read(text);
             let place = "m.mtl:11: material T\u{fc}r";
+            let whole = format!(
+                "{place} is {words}, not rendered: the first of 2 statements"
+            );
             let is_right = match words {
                 "" => told.is_empty(),
                 "expected" => {
-                    told.starts_with(&format!("{place}: expected"))
+                    told.starts_with(&format!("{place}: {words}"))
                 }
-                _ => {
-                    told == format!(
-                        "{place} is {words}, not rendered: the \
-                                      first of 2 statements"
-                    )
-                }
+                _ => told == whole,
             };
             assert!(is_right, "{line}: {told}");
         }
@@ -125,10 +122,8 @@ fn the_first_library_that_has_a_material_counts() {
         assert!(last.starts_with(words), "{told}");
     }
     for names in ["\nmtllib a.mtl", " a.mtl"] {
-        let (_, told) = found(
-            &place,
-            &("mtllib a.mtl".to_owned() + &names.repeat(3000)),
-        );
+        let line = "mtllib a.mtl".to_owned() + &names.repeat(3000);
+        let (_, told) = found(&place, &line);
         assert_eq!(told.matches("left out").count(), 1);
     }
 }
@@ -144,14 +139,14 @@ fn random_library(random: &mut Random) -> String {
     ];
     let mut line = |lines: &str| {
         let lines: Vec<&str> = lines.split('|').collect();
-        random.one_of(&lines).to_owned() + random.one_of(&["\n", "\r\n"])
+        any_of(&lines, random).to_owned() + any_of(&["\n", "\r\n"], random)
     };
     "newmtl a b \n".to_owned() + &lines.map(&mut line).concat()
 }
 
 #[test]
 fn random_libraries_are_what_the_crate_tobj_reads() {
-    let mut random = Random(7);
+    let mut random = Random::seed_from_u64(7);
     for _ in 0..3000 {
         let text = random_library(&mut random);
         let (theirs, _) = tobj::load_mtl_buf(&mut text.as_bytes()).unwrap();
@@ -159,11 +154,10 @@ fn random_libraries_are_what_the_crate_tobj_reads() {
         read_mtl(text.as_bytes(), "", &["a b"].into(), &mut ours).unwrap();
         let m = &theirs[0];
         let shines = |x: Option<[f64; 3]>| x.is_some_and(|x| x != [0.; 3]);
+        let is_glossy =
+            shines(m.specular) || m.illumination_model == Some(2);
         let mut told = vec![
-            (
-                shines(m.specular) || m.illumination_model == Some(2),
-                "glossy (Ks, illum)",
-            ),
+            (is_glossy, "glossy (Ks, illum)"),
             (shines(m.emissive), "luminous (Ke)"),
             (m.diffuse_texture.is_some(), "textured (map_Kd)"),
             (m.dissolve.is_some_and(|d| d < 1.), "transparent (d, Tr)"),

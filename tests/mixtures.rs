@@ -6,6 +6,7 @@
 
 use crate::prelude::*;
 
+use crate::extremes::{sized, square};
 use litpt_book::escapes::Outside;
 
 #[test]
@@ -28,13 +29,9 @@ fn no_path_goes_through_a_closed_surface_over_a_large_plane() {
 
 /// A ball of radius one at `x` on a plane from -reach to reach.
 fn ball(reach: f64, x: f64) -> Mesh {
-    let mut mesh = solids::icosphere(3);
-    let first = mesh.vertices.len() as u32;
-    mesh.vertices.iter_mut().for_each(|v| *v += DVec3::new(x, 0., 1.));
-    let signs = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)];
-    mesh.vertices.extend(signs.map(|(x, y)| DVec3::new(x, y, 0.) * reach));
-    let plane = [[0, 1, 2], [0, 2, 3]];
-    mesh.triangles.extend(plane.map(|t| t.map(|i| first + i)));
+    let mut mesh = square(reach);
+    let place = |p| p + DVec3::new(x, 0., 1.);
+    solids::add(&mut mesh, &solids::icosphere(3), place);
     mesh
 }
 
@@ -42,10 +39,7 @@ fn ball(reach: f64, x: f64) -> Mesh {
 fn picture(reach: f64, x: f64) -> [f64; 2] {
     let (from, to) = (DVec3::new(x, -5., 2.), DVec3::new(x, 0., 0.8));
     let view = View { up: DVec3::Z, ..look(from, to, 40.) };
-    let white = (0.8, DVec3::Z);
-    let setting = Setting::new(&ball(reach, x), white, &view, 4. / 3.);
-    let mut film = Film::new(48, 36);
-    setting.unwrap().job(1).pass(&mut film, 64, &|_| true);
+    let film = sized(&ball(reach, x), &view, 0.8, (48, 36), 64, 1);
     let Summary { mean, mean_stderr, .. } = film.summary();
     [mean, mean_stderr]
 }
@@ -67,29 +61,6 @@ fn a_ball_looks_the_same_on_any_plane() {
             chance.normal(z, &format!("{reach:e} {x}"));
         }
     }
-}
-
-/// A triangle is too small below 2^-40 of what counts for the plane, 19/8 of
-/// its reach.
-#[test]
-fn the_triangles_of_a_ball_are_too_small_on_a_plane_that_is_too_large() {
-    let Mesh { vertices, triangles, .. } = ball(0., 0.);
-    let ours = &triangles[..triangles.len() - 2];
-    let sides = ours.iter().map(|t| {
-        let [a, b, c] = t.map(|i| vertices[i as usize]);
-        (a.max(b).max(c) - a.min(b).min(c)).max_element()
-    });
-    let least = sides.clone().fold(f64::INFINITY, f64::min);
-    let most = sides.fold(0., f64::max);
-    let count = |side: f64| {
-        let reach = side * 2f64.powi(40) * 8. / 19.;
-        too_small(&Scene::new(&ball(reach, 0.)).triangles)
-    };
-    assert_eq!(count(0.99 * least), 0);
-    let some = count(1.01 * least);
-    // All but the two of the plane.
-    let more = count(1.01 * most);
-    assert!(0 < some && some < more && more == ours.len(), "{some} {more}");
 }
 
 /// A prism that stands on a floor of one triangle and leans over it, to the

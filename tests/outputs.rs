@@ -6,11 +6,13 @@
 
 use crate::prelude::*;
 
+use crate::extremes::sized;
+use crate::formats::{bytes, decode};
+
 use std::ffi::CString;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Read};
 use std::os::fd::AsRawFd;
-use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 
 const SMALL: &str = "-iroom.obj -d9x7 -n2";
@@ -425,19 +427,18 @@ fn force_replaces_the_file_behind_a_link_and_keeps_the_link() {
     place.holds_only(&["far", "link.pgm"]);
 }
 
-/// The width, the height and the levels of a PNG, which has one channel of
-/// 16 bits.
-pub fn png(bytes: &[u8]) -> (u32, u32, Vec<u16>) {
+/// The kind of the pixels of a PNG, its width and height, and its levels,
+/// which have 16 bits.
+pub fn png(bytes: &[u8]) -> (png::ColorType, (u32, u32), Vec<u16>) {
     let decoder = png::Decoder::new(Cursor::new(bytes));
     let mut reader = decoder.read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
     let info = reader.next_frame(&mut bytes).unwrap();
-    assert_eq!(info.color_type, png::ColorType::Grayscale);
     assert_eq!(info.bit_depth, png::BitDepth::Sixteen);
     assert!(reader.info().srgb.is_some());
     let levels = bytes.as_chunks().0.iter();
     let levels = levels.map(|&pair| u16::from_be_bytes(pair)).collect();
-    (info.width, info.height, levels)
+    (info.color_type, (info.width, info.height), levels)
 }
 
 #[test]
@@ -447,15 +448,11 @@ fn the_rows_go_from_top_to_bottom_and_from_left_to_right() {
     let mesh = read_obj(wall.as_bytes()).unwrap();
     let view = look(DVec3::ZERO, 9. * DVec3::Y, 20.);
     let view = View { up: DVec3::Z, ..view };
-    let setting = Setting::new(&mesh, (0., DVec3::Z), &view, 1.).unwrap();
-    let mut film = Film::new(2, 2);
-    setting.job(0).pass(&mut film, 4, &|_| true);
+    let film = sized(&mesh, &view, 0., (2, 2), 4, 0);
     assert_eq!(film.means().collect::<Vec<_>>(), [0., 1., 0., 0.]);
     let image = Image::plain(2, 2, film.means().collect());
     for format in [Format::Pgm, Format::Png] {
-        let mut bytes = vec![];
-        format.write(&image, &mut bytes).unwrap();
-        let read = Image::decode(&bytes, &mut |_| ()).unwrap();
+        let read = decode(&bytes(format, &image)).unwrap();
         assert_eq!(read.means, image.means);
     }
 }
@@ -463,18 +460,16 @@ fn the_rows_go_from_top_to_bottom_and_from_left_to_right() {
 #[test]
 fn a_level_is_the_floor_of_the_srgb_curve() {
     for rho in [0., 0.001, 0.0031, 0.0032, 0.05, 0.1, 0.5, 0.9, 1.] {
-        let [coarse, fine] = [Format::Pgm, Format::Png].map(|format| {
-            let (image, mut bytes) =
-                (Image::plain(1, 1, vec![rho]), vec![]);
-            format.write(&image, &mut bytes).unwrap();
-            bytes
-        });
+        let image = Image::plain(1, 1, vec![rho]);
+        let [coarse, fine] =
+            [Format::Pgm, Format::Png].map(|format| bytes(format, &image));
         let curve = match rho <= 0.0031308 {
             true => 12.92 * rho,
             false => 1.055 * f64::powf(rho, 1. / 2.4) - 0.055,
         };
         let level = |most: f64| vec![(most * curve + 1e-9).floor() as u16];
         assert_eq!(pgm(&coarse).2, level(255.), "{rho}");
-        assert_eq!(png(&fine).2, level(65535.), "{rho}");
+        let grey = (png::ColorType::Grayscale, (1, 1), level(65535.));
+        assert_eq!(png(&fine), grey, "{rho}");
     }
 }

@@ -247,28 +247,6 @@ fn faces_that_touch_themselves_are_filled() {
     }
 }
 
-#[test]
-fn faces_keep_their_numbers() {
-    // The second face needs more triangles than its fan has, the fourth
-    // fewer, and the last one others.
-    let text = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 4 2 0\nv 1 1 0\n\
-                v 1 3 0\nv 9 9 0\nv 7 1 0\nf 1 2 3 4\n\
-                f 2 3 4 1 2 5 6 7 5\nf 1 2 3\nf 6 6 4 1 2 2 2\n\
-                f 1 2 3 4\nf 6 1 3 4\n";
-    let mesh = read_obj(text.as_bytes()).unwrap();
-    let faces = mesh.faces();
-    let areas = [0, 1, 2, 3, 4, 5].map(|face| {
-        let mut own = mesh.clone();
-        let mut of = faces.iter();
-        own.triangles.retain(|_| of.next() == Some(&face));
-        area(&own)
-    });
-    assert_eq!(areas, [16., 13., 8., 4., 16., 6.]);
-    assert!(faces.is_sorted());
-    assert_eq!(faces.len(), mesh.triangles.len());
-    assert_eq!(mesh.triangles[..2], [[0, 1, 2], [0, 2, 3]]);
-}
-
 /// The warning about a text, if there is one.
 fn warning(text: &str) -> Option<String> {
     let (_, warnings) = read_file(text.as_bytes()).unwrap();

@@ -6,8 +6,10 @@
 
 use crate::prelude::*;
 
-use exr::math::Vec2;
-use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
+use crate::compare::{coin, render};
+use crate::formats::{bytes, windowed};
+use crate::outputs::png;
+use crate::random::Random;
 
 /// What is said on standard output by a run that ends with `status` and
 /// without a warning.
@@ -28,39 +30,17 @@ fn json_of(place: &Scratch, file: &str) -> Value {
 /// Writes an image of 40x30 pixels whose weights are 0 or 1, white with
 /// the probability `p`.
 fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
-    let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let n = 64.;
-    let mut mean = |_| {
-        (0..64).map(|_| f64::from(random.random_bool(p))).sum::<f64>() / n
-    };
-    let means: Vec<f64> = (0..1200).map(&mut mean).collect();
-    let error = |m: &f64| f64::sqrt(m * (1. - m) / (n - 1.));
-    let attributes = [("seed", seed.to_string()), ("fov", "70".into())];
-    let own = |(name, value): (&str, String)| (name.to_owned(), value);
-    let image = Image {
-        errors: Some(means.iter().map(error).collect()),
-        samples: Some(vec![n; means.len()]),
-        attributes: attributes.into_iter().map(own).collect(),
-        ..Image::plain(40, 30, means)
-    };
+    let mut random = Random::seed_from_u64(seed);
+    let mut image = render((40, 30), 64, |_, _| coin(p)(&mut random));
+    image.attributes.insert("seed".into(), seed.to_string());
+    image.attributes.insert("fov".into(), "70".into());
     write(place, name, &image);
     image
 }
 
-/// What the pixels of a PNG have, and the bytes of their levels.
-pub fn pixels(place: &Scratch, name: &str) -> (png::ColorType, Vec<u8>) {
-    let file = Cursor::new(place.get(name));
-    let mut reader = png::Decoder::new(file).read_info().unwrap();
-    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-    reader.next_frame(&mut bytes).unwrap();
-    (reader.info().color_type, bytes)
-}
-
 fn write(place: &Scratch, name: &str, image: &Image) {
-    let path = place.path(name);
-    let file = OutputTarget::file(&path, true).unwrap();
-    let format = format_of(&path, Format::Exr).unwrap();
-    file.write(&mut |out| format.write(image, out)).unwrap();
+    let format = format_of(name.as_ref(), Format::Exr).unwrap();
+    place.put(name, bytes(format, image));
 }
 
 #[test]
@@ -99,15 +79,11 @@ fn info_says_what_the_file_holds() {
     write(&place, "a.exr", &image);
     write(&place, "a.pfm", &image);
     let info = said(&place, "info a.exr a.pfm", 0);
-    for words in [
-        "file: a.exr\nwidth: 40\nheight: 30\nchannels: Y, samples.Y, stderr.Y\n",
-        &mean,
-        "unknown_errors: 1\n",
-        "samples: 64, 64\n",
-        "seed: 1\nfile: a.pfm\nwidth: 40\n",
-    ] {
-        assert!(info.contains(words), "no {words} in {info}");
-    }
+    let head = "file: a.exr\nwidth: 40\nheight: 30\n\
+                channels: Y, samples.Y, stderr.Y\n";
+    let next = "seed: 1\nfile: a.pfm\nwidth: 40\n";
+    let samples = "samples: 64, 64\n";
+    says(&info, &[head, &mean, "unknown_errors: 1\n", samples, next]);
     assert!(!info.contains("rmse") && !info.contains("mean_stderr"));
     let json = said(&place, "info --json a.exr a.pfm", 0);
     let (json, other) = json.trim_end().split_once('\n').unwrap();
@@ -220,8 +196,7 @@ fn a_diff_answers_by_its_status_and_in_words() {
 
 #[test]
 fn images_of_different_things_are_named_as_such() {
-    let place = Scratch::new();
-    place.put("room2.obj", ROOM.replace("v 5 5", "v 4 4"));
+    let place = Scratch::with("room2.obj", ROOM.replace("v 5 5", "v 4 4"));
     let render = |options: &str| place.line(&format!("-n16 -qf {options}"));
     render("-iroom.obj -d40x30 -r0.7 -s1 -oone.exr").succeeded();
     let two = "-iroom2.obj -d48x36 --crop=4,3,40x30 -p0,0,0.5 -t0,1,0.1 \
@@ -234,6 +209,10 @@ fn images_of_different_things_are_named_as_such() {
     let names =
         "scene_sha256 resolution crop position target up fov albedo";
     assert_eq!(named.collect::<Vec<_>>().join(" "), names);
+    says(said, &["crop none against 4,3,40x30", "fov 70.0 against 70.5"]);
+    // Of a hash the first twelve digits are said.
+    let (hashes, _) = said.split_once(", ").unwrap();
+    assert_eq!(hashes.len(), "scene_sha256  against ".len() + 24);
     let third = "-iroom.obj -d40x30 -r0.7 -s9 -othree.exr --reference";
     let words = ["two.exr: shows something else", "crop 4,3,40x30 against"];
     render(&format!("{third} two.exr")).failed(1, &words);
@@ -298,7 +277,9 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
     (image.means[41], image.means[50]) = (f64::NAN, f64::NAN);
     write(&place, "b.exr", &image);
     put(&place, "c.exr", 3, 0.5);
-    put_crop(&place, "d.exr");
+    // As a renderer writes it that was asked for no more than a pixel.
+    let crop = windowed(((0, 0), (40, 30)), &[((1, 0), (1, 1))]);
+    place.put("d.exr", crop);
     let lost =
         "b.exr: pixels that are not finite numbers: 2, the first at 1,1";
     let window = "d.exr: its data window 1,0,1x1 is not its display \
@@ -375,12 +356,12 @@ fn three_bands_make_a_colour_image() {
     let rgb =
         |to: &str| place.ptimg(&format!("rgb 1.exr 2.exr 3.exr {to}"));
     rgb("-oc.png -oc.exr").succeeded();
-    let (kind, levels) = pixels(&place, "c.png");
+    let (kind, _, levels) = png(&place.get("c.png"));
     assert_eq!(kind, png::ColorType::Rgb);
     for (k, image) in bands.iter().enumerate() {
         write(&place, "grey.png", image);
-        let band = levels.chunks(6).flat_map(|p| &p[2 * k..2 * k + 2]);
-        assert!(band.eq(&pixels(&place, "grey.png").1), "{k}");
+        let band = levels.chunks(3).map(|pixel| pixel[k]);
+        assert!(band.eq(png(&place.get("grey.png")).2), "{k}");
     }
     let read = place.image("c.exr").means;
     for (i, found) in read.into_iter().enumerate() {
@@ -400,37 +381,23 @@ fn three_bands_make_a_colour_image() {
         write(&place, &format!("{k}.exr"), &cut);
     }
     rgb("-oa.png").succeeded();
-    let (kind, clear) = pixels(&place, "a.png");
+    let (kind, _, clear) = png(&place.get("a.png"));
     assert_eq!(kind, png::ColorType::Rgba);
-    assert!(clear.chunks(8).flat_map(|pixel| &pixel[..6]).eq(&levels));
+    assert!(clear.chunks(4).flat_map(|pixel| &pixel[..3]).eq(&levels));
     // A brighter picture, and what is refused.
     assert!(rgb("-e auto -od.png").stderr.contains("stops"));
     rgb("-oc.pgm").failed(1, &[".png or .exr"]);
-    put_crop(&place, "other.pfm");
     place.ptimg("rgb 1.exr 2.exr -oe.png").failed(2, &["3 values"]);
     write(&place, "2.exr", &Image::plain(1, 1, vec![0.]));
     rgb("-oe.png").failed(1, &["2.exr", "another size"]);
     let mut other = bands[1].clone();
     other.attributes.insert("fov".into(), "40".into());
     write(&place, "2.exr", &other);
-    assert!(rgb("-oe.png").stderr.contains("2.exr: fov 70 against 40"));
-    assert!(
-        rgb("-f -oe.png").stderr.contains("2.exr: it has another seed")
-    );
+    rgb("-oe.png").told(&["2.exr: fov 70 against 40"]);
+    rgb("-f -oe.png").told(&["2.exr: it has another seed"]);
     other.attributes.insert("band".into(), "b".into());
     write(&place, "2.exr", &other);
     rgb("-of.png").failed(1, &["2.exr: it is of --band b, not g"]);
-}
-
-/// An image of the pixel 1,0 of 40x30, as a renderer writes it that was
-/// asked for no more.
-fn put_crop(place: &Scratch, name: &str) {
-    let channel = AnyChannel::new("Y", FlatSamples::F32(vec![0.5]));
-    let channels = AnyChannels::sort([channel].into_iter().collect());
-    let mut image = exr::prelude::Image::from_channels((1, 1), channels);
-    image.attributes.display_window.size = Vec2(40, 30);
-    image.layer_data.attributes.layer_position = Vec2(1, 0);
-    image.write().to_file(place.path(name)).unwrap();
 }
 
 #[test]

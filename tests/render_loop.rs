@@ -7,9 +7,6 @@
 use crate::prelude::*;
 
 use litpt::cli::watchdog::without_image;
-
-use std::sync::LazyLock;
-
 /// An intersector that finds nothing, for estimators that need nothing.
 struct Nothing;
 
@@ -50,7 +47,7 @@ impl<F: Fn(f64) -> f64 + Sync> Integrator for Draw<F> {
 }
 
 /// An open sphere, seen from inside.
-static WORLD: LazyLock<Setting> = LazyLock::new(|| {
+pub static WORLD: LazyLock<Setting> = LazyLock::new(|| {
     let view = look(DVec3::ZERO, DVec3::new(0.5, 0.3, -1.), 100.);
     Setting::new(&cavity(0.3, 24), (0.8, DVec3::Z), &view, 1.).unwrap()
 });
@@ -107,9 +104,9 @@ pub fn with_threads<T: Send>(
 }
 
 /// An image with the given weights in the pixel of column x and row y.
-fn image_of(
+pub fn image_of(
     (width, height): (u32, u32),
-    weights: impl Fn(u32, u32) -> Vec<f64>,
+    mut weights: impl FnMut(u32, u32) -> Vec<f64>,
 ) -> Film {
     let mut film = Film::new(width, height);
     for FilmTile { tile, pixels, .. } in film.tiles() {
@@ -211,9 +208,14 @@ fn the_summary_averages_the_squares_of_the_errors_that_pixels_state() {
 // --------------------------------------------------------------- The render
 
 #[test]
-fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
+fn pixels_are_the_same_for_any_number_of_threads_and_passes() {
     let mut job = WORLD.job(5);
-    for size in [(1, 1), (3, 2), (17, 1)] {
+    for (size, n, parts) in [
+        ((1, 1), 500, &[1, 3, 96, 399, 1][..]),
+        ((3, 2), 500, &[1, 3, 96, 399, 1]),
+        ((17, 1), 500, &[1, 3, 96, 399, 1]),
+        ((60, 40), 8, &[1, 5, 2]),
+    ] {
         let mut render = |threads, passes: &[u64]| {
             let mut film = Film::new(size.0, size.1);
             let (mut done, mut rays) = (0, 0);
@@ -225,12 +227,12 @@ fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
             });
             (film.pixels.to_vec(), rays)
         };
-        let alone = render(1, &[1; 500]);
-        assert!(alone.0.iter().all(|pixel| pixel.count() == 500));
+        let alone = render(1, &vec![1; n as usize]);
+        assert!(alone.0.iter().all(|pixel| pixel.count() == n));
         assert!(alone.0[0].variance() > 0. && alone.1 > 500);
         for threads in [1, 2, 7] {
-            assert_eq!(render(threads, &[500]), alone);
-            assert_eq!(render(threads, &[1, 3, 96, 399, 1]), alone);
+            assert_eq!(render(threads, &[n]), alone);
+            assert_eq!(render(threads, parts), alone);
         }
     }
 }
@@ -246,9 +248,11 @@ const STEPS: [u64; 18] = [
 #[test]
 fn steps_are_spread_over_the_decades_and_the_last_is_the_end() {
     let mut job = job(Draw(|u| u), 1);
+    let truth: Vec<f64> = (0..15).map(|i| f64::from(i) / 15.).collect();
     for n in [1, 2, 5, 63, 64, 2024] {
-        let limit = Limits { samples: Some(n), ..limits() };
-        let (convergence, film, stop) = run(&mut job, (5, 3), &limit);
+        let samples = Some(n);
+        let limit = Limits { samples, reference: Some(&truth), ..limits() };
+        let (mut convergence, film, stop) = run(&mut job, (5, 3), &limit);
         assert_eq!((stop, convergence.spp), (Stop::Samples, n));
         assert!(film.rows().all(|pixel| pixel.count() == n));
         assert_eq!(convergence.rays, 15 * 3 * n);
@@ -265,23 +269,16 @@ fn steps_are_spread_over_the_decades_and_the_last_is_the_end() {
         let finite = summary.rmse.is_finite().then_some(summary.rmse);
         assert_eq!((last.rmse, finite.is_some()), (finite, n > 1));
         assert_eq!(last.mean_stderr.is_some(), n > 1);
-        assert_eq!(last.rmse_reference, None);
-    }
-}
-
-#[test]
-fn every_step_is_compared_with_the_reference() {
-    let mut job = job(Draw(|u| u), 1);
-    let truth: Vec<f64> = (0..12).map(|i| f64::from(i) / 10.).collect();
-    let limit =
-        Limits { samples: Some(50), reference: Some(&truth), ..limits() };
-    for step in run(&mut job, (4, 3), &limit).0.curve {
-        let mut film = Film::new(4, 3);
-        job.pass(&mut film, step.spp, &|_| true);
+        // Each step is compared with the reference.
+        assert!(steps.iter().all(|step| step.rmse_reference.is_some()));
         let pairs = film.means().zip(&truth);
         let squares = pairs.map(|(mean, truth)| (mean - truth).powi(2));
-        let expected = (squares.sum::<f64>() / 12.).sqrt();
-        assert!(close(step.rmse_reference.unwrap(), expected));
+        let expected = (squares.sum::<f64>() / 15.).sqrt();
+        assert!(close(last.rmse_reference.unwrap(), expected));
+        // What is recorded already is not recorded again.
+        let count = steps.len();
+        convergence.record(&film, &limit);
+        assert_eq!(convergence.curve.len(), count);
     }
 }
 
@@ -439,31 +436,6 @@ fn an_error_that_no_run_reaches_adds_no_steps() {
 }
 
 // ------------------------------------------------- The samples of a run
-
-#[test]
-fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
-    let mut job = job(Draw(|u| if u < 0.2 { u } else { 0. }), 3);
-    let size = (600, 500);
-    // A pass that is cut off in its middle, and what a checkpoint keeps.
-    let mut film = Film::new(size.0, size.1);
-    let rays = job.pass(&mut film, 3, &watch_of(500));
-    assert_eq!(film.samples(), 0);
-    assert!(film.rows().any(|pixel| pixel.count() == 3));
-    let mut convergence = Convergence::default();
-    (convergence.seconds, convergence.rays) = (1.5, rays);
-    // Its error is unknown, and that is recorded.
-    convergence.record(&film, &Limits::default());
-    let point = convergence.curve[0];
-    assert_eq!((point.spp, point.rmse, point.mean_stderr), (0, None, None));
-    assert!(point.mean > 0.);
-    convergence.record(&film, &Limits::default());
-    assert_eq!(convergence.curve.len(), 1);
-    let limit = Limits { samples: Some(5), ..limits() };
-    let stop = go_on(&mut job, &mut convergence, &mut film, &limit);
-    let (whole, plain, _) = run(&mut job, size, &limit);
-    assert_eq!((stop, convergence.rays), (Stop::Samples, whole.rays));
-    assert!(film.pixels == plain.pixels);
-}
 
 /// A renderer that makes sixteen samples of each pixel, whatever it is asked
 /// for, and takes a tenth of a second of a clock for them.

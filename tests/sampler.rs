@@ -42,24 +42,6 @@ pub fn normals() -> Vec<DVec3> {
 }
 
 #[test]
-fn frames_are_orthonormal_near_the_poles_as_well() {
-    for n in normals() {
-        let (t, b) = n.any_orthonormal_pair();
-        for (product, expected) in [
-            (t.dot(t), 1.),
-            (b.dot(b), 1.),
-            (t.dot(b), 0.),
-            (t.dot(n), 0.),
-            (b.dot(n), 0.),
-            (t.cross(b).dot(n), 1.),
-        ] {
-            // A dozen roundings of numbers of size one, 1.1e-16 each.
-            assert!((product - expected).abs() < 2e-15, "{n}: {product}");
-        }
-    }
-}
-
-#[test]
 fn points_are_uniform_over_their_pixel() {
     let chance = &mut Chance::default();
     for (i, n) in [(0, 1), (3, 7), (16383, 16384)] {

@@ -5,6 +5,7 @@
 
 use crate::prelude::*;
 
+use crate::random::{Random, any_of};
 use crate::render_loop::with_threads;
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
@@ -20,32 +21,16 @@ fn the_pyramid_of_the_book_has_the_sides_that_the_book_says() {
     }
 }
 
-/// A generator of random numbers, for texts (xorshift).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn below(&mut self, n: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 33) as usize % n
+/// A number of 1 to 24 digits, often with a point or an exponent.
+fn number(random: &mut Random) -> String {
+    let mut word = any_of(&["", "", "-", "+"], random).to_owned();
+    let digits = random.random_range(1..25);
+    let point = random.random_range(0..2 * digits);
+    for i in 0..digits {
+        word.push_str(if i == point { "." } else { "" });
+        word.push_str(any_of(&["0", "1", "3", "5", "8", "9"], random));
     }
-
-    pub fn one_of<T: Copy>(&mut self, choice: &[T]) -> T {
-        choice[self.below(choice.len())]
-    }
-
-    /// A number of 1 to 24 digits, often with a point or an exponent.
-    fn number(&mut self) -> String {
-        let mut word = self.one_of(&["", "", "-", "+"]).to_owned();
-        let digits = 1 + self.below(24);
-        let point = self.below(2 * digits);
-        for i in 0..digits {
-            word.push_str(if i == point { "." } else { "" });
-            word.push_str(self.one_of(&["0", "1", "3", "5", "8", "9"]));
-        }
-        word + self.one_of(&["", "", "", "e-7", "E3", "e+12", "e-300"])
-    }
+    word + any_of(&["", "", "", "e-7", "E3", "e+12", "e-300"], random)
 }
 
 /// A text that other readers accept as well: each face names vertices,
@@ -54,13 +39,13 @@ fn random_text(random: &mut Random) -> String {
     let mut text = String::new();
     let mut n = [0, 0, 0];
     let ends = ["\n", "\n", "\r\n", " \n", "\t\n"];
-    for _ in 0..3 + random.below(60) {
-        match if n[0] < 3 { 0 } else { random.below(9) } {
+    for _ in 0..3 + random.random_range(0..60) {
+        match if n[0] < 3 { 0 } else { random.random_range(0..9) } {
             0..3 => {
                 n[0] += 1;
-                text += &format!("v {} ", random.number());
-                text += &[random.number(), random.number()].join("\t");
-                text += random.one_of(&["", "", "", " 1", " 1.0"]);
+                text += &format!("v {} ", number(random));
+                text += &[number(random), number(random)].join("\t");
+                text += any_of(&["", "", "", " 1", " 1.0"], random);
             }
             3 => {
                 n[1] += 1;
@@ -72,20 +57,20 @@ fn random_text(random: &mut Random) -> String {
             }
             5 => {
                 let noise = ["g a b", "o c", "s 1", "# f 1 2", "", "foo"];
-                text += random.one_of(&noise);
+                text += any_of(&noise, random);
             }
             _ => text += &random_face(random, n),
         }
-        text += random.one_of(&ends);
+        text += any_of(&ends, random);
     }
     text
 }
 
 fn random_face(random: &mut Random, n: [usize; 3]) -> String {
     let mut index = |n: usize| {
-        let i = 1 + random.below(n);
+        let i = 1 + random.random_range(0..n);
         let back = -((1 + n - i) as i64);
-        if random.below(2) == 0 { i as i64 } else { back }
+        if random.random_range(0..2) == 0 { i as i64 } else { back }
     };
     let [v, t, m] = n;
     let mut corner = || match (t, m) {
@@ -147,7 +132,7 @@ fn by_face<T: Copy>(triangles: &[T], faces: &[u32]) -> Vec<Vec<T>> {
 
 #[test]
 fn random_texts_give_the_triangles_that_the_crate_tobj_reads() {
-    let mut random = Random(1);
+    let mut random = Random::seed_from_u64(1);
     let (mut total, mut others) = (0, 0);
     let mut apart = 0;
     for _ in 0..3000 {
@@ -199,31 +184,23 @@ fn random_texts_give_the_triangles_that_the_crate_tobj_reads() {
 }
 
 #[test]
-fn a_statement_goes_on_after_its_letter_and_before_it() {
-    let text = "v\\\n 0 0 0\nv 1 0 0\n\\\nv 0 1 0\nv\x0c0 0 1\n\
-                f\\\n 1 2 3\nf\x0c1 2 4\n# f\\\nf 1 2 3\n";
-    let mesh = read_obj(text.as_bytes()).unwrap();
-    assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (4, 3));
-}
-
-#[test]
 fn a_text_reads_the_same_in_pieces_of_any_size() {
-    let mut random = Random(2);
+    let mut random = Random::seed_from_u64(2);
     let mut read = (0, 0);
     for round in 0..400 {
         let mut text = random_text(&mut random);
         // Lines continue, with blanks after the backslash or without.
         let goes_on =
             ["1 \\\n", "1 \\ \r\n", "1\\\r\r\n", "1\\\n\\\r \\\n"];
-        text = text.replace("1 ", random.one_of(&goes_on));
+        text = text.replace("1 ", any_of(&goes_on, &mut random));
         let ends = ["\n", "\r", "\n\n  ", "\r\n\u{feff}", " # c:\\\n"];
-        text = text.replace("0\n", random.one_of(&ends));
+        text = text.replace("0\n", any_of(&ends, &mut random));
         if round % 2 == 0 {
             let odd = "v 1 x 2\n|f 1 2\n|v 1 nan 2\n|f 1 2 999|\r\r\n|\
                        # c:\\\n|\nl 1 \\\n 2\n|\nfoo \\\n|\u{1a}|\0";
             let odd: Vec<_> = odd.split('|').collect();
-            let at = text.len() - random.below(text.len());
-            text.insert_str(at, random.one_of(&odd));
+            let at = text.len() - random.random_range(0..text.len());
+            text.insert_str(at, any_of(&odd, &mut random));
         }
         let pieces = |size| {
             read_pieces(text.as_bytes(), size).map_err(|e| e.to_string())
@@ -242,7 +219,7 @@ fn a_text_reads_the_same_in_pieces_of_any_size() {
 
 #[test]
 fn a_text_reads_the_same_on_any_number_of_threads() {
-    let mut random = Random(3);
+    let mut random = Random::seed_from_u64(3);
     let text: String = (0..50).map(|_| random_text(&mut random)).collect();
     let wrong = text.clone() + "f 1 2\nf 1\n";
     let read = |threads| {
@@ -293,8 +270,8 @@ fn a_stray_vertex_does_not_change_the_scene() {
 fn a_scene_is_moved_along_the_axes_that_round_no_corner() {
     for rounding in 0..8 {
         let rounds = [0, 1, 2].map(|axis| rounding >> axis & 1 != 0);
-        let mut random = Random(1 + rounding);
-        let mut whole = || random.below(1025) as f64;
+        let mut random = Random::seed_from_u64(rounding);
+        let mut whole = || random.random_range(0..1025) as f64;
         let mut corner = |_| DVec3::new(whole(), whole(), whole());
         let mut vertices = Vec::from_iter((0..9000).map(&mut corner));
         (vertices[0], vertices[1]) = (DVec3::ZERO, DVec3::splat(1024.));
@@ -319,17 +296,15 @@ fn a_scene_is_moved_along_the_axes_that_round_no_corner() {
 
 #[test]
 fn the_triangles_with_area_keep_their_order() {
-    let in_line = [DVec3::splat(0.25), DVec3::splat(0.5)];
-    let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let vertices = [&corners[..], &in_line].concat();
-    let good = vec![[0, 1, 2], [0, 2, 3], [1, 2, 3]];
-    let mut all = good.clone();
-    all.splice(1..1, [[1, 1, 2], [4, 0, 5], [4, 4, 4]]);
-    all.insert(5, [3, 0, 3]);
-    let [some, all] = [good, all].map(|triangles| {
-        let vertices = vertices.clone();
-        let mesh = Mesh { vertices, triangles, ..Mesh::default() };
-        Scene::new(&mesh).triangles.to_vec()
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
+    let in_line = "v .25 .25 .25\nv .5 .5 .5\n";
+    let [some, all] = [
+        "f 1 2 3\nf 1 3 4\nf 2 3 4\n",
+        "f 1 2 3\nf 2 2 3\nf 5 1 6\nf 5 5 5\nf 1 3 4\nf 4 1 4\nf 2 3 4\n",
+    ]
+    .map(|faces| {
+        let mesh = read_obj([corners, in_line, faces].concat().as_bytes());
+        Scene::new(&mesh.unwrap()).triangles.to_vec()
     });
     assert_eq!((all.len(), all), (3, some));
 }
@@ -390,6 +365,19 @@ fn impossible_views_are_refused_without_a_tolerance() {
     }
     for fov in [0., 180., -1., f64::NAN] {
         refused(View { fov, ..view() }, "is not strictly between");
+    }
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for axis in 0..3 {
+            let mut odd = DVec3::ONE;
+            odd[axis] = bad;
+            for view in [
+                View { position: odd, ..view() },
+                View { target: odd, ..view() },
+                View { up: odd, ..view() },
+            ] {
+                refused(view, "is not finite");
+            }
+        }
     }
     let close = View { up: DVec3::new(1e-12, 1., 0.), ..view() };
     let camera = Camera::new(&close, 1.).unwrap();

@@ -156,9 +156,9 @@ fn the_command_of_a_report_can_be_typed_again() {
     let place = Scratch::new();
     let name = "the fool's $HOME.obj";
     std::fs::copy(place.path("room.obj"), place.path(name)).unwrap();
-    let run = ["-d8x6", "-qf", "-n3", "-oa.pgm", "--report=r.json", "-i"];
+    let mut run = place.pt("-d8x6 -qf -n3 -oa.pgm --report=r.json -i");
     let before = SystemTime::now() - Duration::from_secs(1);
-    place.run(&[&run[..], &[name]].concat()).succeeded();
+    outcome(run.arg(name)).succeeded();
     let image = place.get("a.pgm");
     let report = place.json("r.json");
     let date = report["date"].as_str().unwrap();

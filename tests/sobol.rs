@@ -7,8 +7,6 @@ use crate::prelude::*;
 
 use crate::sampler::assert_unrelated;
 
-use litpt::sampler::sobol::{ScrambledNet, SobolSampler, scramble_key};
-
 /// All four coordinates of a point.
 fn point(net: &ScrambledNet, key: u64, i: u32) -> [u32; 4] {
     let ([x, y], [z, w]) = (net.pair(key, i, 0), net.pair(key, i, 1));
@@ -244,26 +242,16 @@ fn the_coordinates_of_a_net_are_independent_within_their_strata() {
     }
 }
 
-/// Squares through the y axis, given a direction in each.
-fn sheets(directions: &[[f64; 2]]) -> Mesh {
-    let mut mesh = Mesh::default();
-    for [x, z] in directions {
-        let far = 1e6 * DVec3::new(*x, 0., *z);
-        let first = mesh.vertices.len() as u32;
-        let side = 1e6 * DVec3::Y;
-        mesh.vertices.extend([-side, side, far - side, far + side]);
-        let triangles = [[0, 1, 2], [1, 3, 2]];
-        mesh.triangles.extend(triangles.map(|t| t.map(|k| k + first)));
-    }
-    mesh
-}
-
 /// The mean of an image with its standard error from the replicates, and the
 /// mean variance of a replicate times its samples: of paths with this part of
 /// the control variate.
-fn render<S: Sampler>(mesh: &Mesh, control: f64, sampler: S) -> [f64; 3] {
-    let above = look(DVec3::new(2., 0.3, 1.5), DVec3::X, 40.);
-    let setting = Setting::new(mesh, (RHO, DVec3::Z), &above, 1.5).unwrap();
+fn render<S: Sampler>(
+    form: &ClosedForm,
+    control: f64,
+    sampler: S,
+) -> [f64; 3] {
+    let ClosedForm { mesh, view, .. } = form;
+    let setting = Setting::new(mesh, (RHO, DVec3::Z), view, 1.5).unwrap();
     let Job { sensor, intersector, integrator, known_pixels, .. } =
         setting.job(0);
     let replicate = sampler.net_size();
@@ -282,12 +270,16 @@ fn render<S: Sampler>(mesh: &Mesh, control: f64, sampler: S) -> [f64; 3] {
 
 const RHO: f64 = 0.8;
 
-/// A slope of cosine 0.8 that sees 0.9 of the sky, and a floor and a wall; and
+/// A slope of cosine 0.6 that sees 0.8 of the sky, and a floor by a wall; and
 /// their radiances.
-fn slope_and_corner() -> [(Mesh, f64); 2] {
-    let corner = sheets(&[[1., 0.], [0., 1.]]);
-    let slope = sheets(&[[0.8, -0.6], [-0.8, 0.6]]);
-    [(slope, RHO * 0.9), (corner, RHO / (2. - RHO))]
+fn slope_and_corner() -> [(ClosedForm, f64); 2] {
+    let names = [r"facet, $\cos\theta=0.6$", "floor by a wall"];
+    let form = |name| {
+        let mut forms = closed_forms().into_iter();
+        forms.find(|form| form.name == name).unwrap()
+    };
+    let [slope, corner] = names.map(form);
+    [(slope, RHO * 0.8), (corner, cavity_radiance(RHO, 0.5))]
 }
 
 #[test]

@@ -5,12 +5,7 @@
 
 use crate::prelude::*;
 
-use litpt::analysis::LitView;
-use litpt::integrator::gather::Learnt;
 use litpt::render::trace::{Ending, SampleTrace};
-use litpt::run::Run;
-use litpt::sensor::Sensor;
-use std::sync::OnceLock;
 
 const SIZE: (u32, u32) = (9, 7);
 
@@ -93,9 +88,8 @@ fn the_steps_of_a_path_are_those_of_the_light() {
             let mut before = 1.;
             for vertex in &trace.vertices {
                 assert_eq!(vertex.albedo, 0.5);
-                assert!(
-                    [0.5 * before, before].contains(&vertex.throughput)
-                );
+                let both = [0.5 * before, before];
+                assert!(both.contains(&vertex.throughput));
                 before = vertex.throughput;
             }
             for pair in trace.vertices.windows(2) {
@@ -138,21 +132,19 @@ fn the_samples_of_a_gather_are_traced_in_their_scrambles() {
 #[test]
 fn the_text_of_a_sample_is_in_the_coordinates_of_the_file() {
     let text = "v 9 9 -3\nv 12 9 -3\nv 9 12 -3\nf 1 2 3\n";
-    let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
-    let intersector = &Bvh::new(&scene).unwrap();
     let from = DVec3::new(10., 10., 7.);
-    let view = View { up: DVec3::Y, ..look(from, from - DVec3::Z, 1.) };
-    let camera = Camera::new(&view, 1.).unwrap();
-    let sensor = &Sensor::Camera(camera, scene.frame.entrance(from));
-    let (sky, surfaces) = (Sky::new(DVec3::Z), Surfaces::of(0.8));
-    let view = LitView { sensor, sky, surfaces, resolution: (1, 1) };
-    let analysis = &SceneAnalysis::default();
-    let setup = Setup { intersector, view, analysis };
-    let image = Pixels::of_image((1, 1));
-    let sampling = &Sampling::new(Method::Reference, 0, None, image);
-    let none = &OnceLock::new();
-    let trace = setup.trace_sample(sampling, none, (0, 0), 3).unwrap();
-    let text = trace.text(intersector, &scene.frame);
+    let stand = Stand::At(from, from - DVec3::Z);
+    let (resolution, fov) = ((1, 1), 1.);
+    let camera =
+        CameraPlan { resolution, stand, fov, ..CameraPlan::default() };
+    let sensor = SensorPlan::Camera(camera);
+    let mut plan = Plan { sensor, ..Plan::default() };
+    (plan.up, plan.sky.zenith) = (Some(DVec3::Y), Some(DVec3::Z));
+    plan.surfaces.albedo = 0.8;
+    let mesh = read_obj(text.as_bytes()).unwrap();
+    let world = World::new(&plan, mesh.into(), Host::default()).unwrap();
+    let run = litpt::run::Run::new(&world, &plan, Host::default());
+    let text = run.unwrap().trace_sample((0, 0), 3).unwrap();
     let lines: Vec<&str> = text.lines().collect();
     assert!(lines[0].starts_with("ray        "), "{text}");
     let point = lines[1].strip_prefix("surface    face 1 at ").unwrap();
@@ -181,7 +173,7 @@ fn a_sample_that_the_run_does_not_have_is_refused() {
         let host = Host::default();
         let inputs = Inputs::from(mesh.clone());
         let world = World::new(&plan, inputs, host).unwrap();
-        let mut run = Run::new(&world, &plan, host).unwrap();
+        let mut run = litpt::run::Run::new(&world, &plan, host).unwrap();
         let net = run.key.sampling.net_size;
         let mut trace = |pixel, n| {
             let text = run.trace_sample(pixel, n);

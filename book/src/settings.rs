@@ -27,6 +27,8 @@ pub struct Setting {
     pub mesh: Mesh,
     pub view: View,
     pub rho: f64,
+    /// How its hierarchy is built.
+    pub build: (Isa, Quality),
 }
 
 /// What a render gave.
@@ -49,12 +51,8 @@ impl Setting {
         n: u64,
         seed: u64,
     ) -> Outcome {
-        let sampling = Sampling::new(
-            Method::Reference,
-            seed,
-            None,
-            Pixels::of_image((1, 1)),
-        );
+        let pixels = Pixels::of_image((1, 1));
+        let sampling = Sampling::new(Method::Reference, seed, None, pixels);
         self.render_with(kept, resolution, n, &sampling, |_| ())
     }
 
@@ -80,7 +78,8 @@ impl Setting {
             surfaces: Surfaces::of(self.rho),
             resolution,
         };
-        let intersector = Bvh::with(&scene, Quality::THOROUGH, Isa::best());
+        let (isa, quality) = self.build;
+        let intersector = Bvh::with(&scene, quality, isa);
         let intersector = intersector.expect("a hierarchy");
         let mut analysis =
             SceneAnalysis::find(&scene.left_out, &intersector, &view, kept);
@@ -112,6 +111,7 @@ pub fn all() -> Vec<Setting> {
         mesh,
         view: View { position: from, target: to, up: DVec3::Z, fov: 60. },
         rho: 0.8,
+        build: (Isa::best(), Quality::THOROUGH),
     };
     let on_plane = || {
         let mut mesh = square(20.);
@@ -120,10 +120,8 @@ pub fn all() -> Vec<Setting> {
     };
     vec![
         Setting {
-            name: "courtyard",
-            mesh: courtyard::mesh(),
             view: View { fov: 70., ..courtyard::view() },
-            rho: 0.8,
+            ..set("courtyard", courtyard::mesh(), o, o)
         },
         set("convex solid", ball(40), v(0., -1.8, 0.2), o),
         set("polytope", cut_cube(), v(2., -3., 1.), o),
@@ -211,13 +209,8 @@ fn ball(n: u32) -> Mesh {
 
 /// An octahedron: eight triangles, none of them upright.
 fn cut_cube() -> Mesh {
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
-    let vertices = axes.into_iter().flat_map(|axis| [axis, -axis]);
-    let (xs, ys, zs) = ([0, 1], [2, 3], [4, 5]);
-    let faces = xs.into_iter().flat_map(move |x| {
-        ys.into_iter()
-            .flat_map(move |y| zs.into_iter().map(move |z| [x, y, z]))
-    });
+    let vertices = DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
+    let faces = (0..8).map(|i| [i >> 2, 2 + (i >> 1 & 1), 4 + (i & 1)]);
     Mesh {
         vertices: vertices.collect(),
         triangles: faces.collect(),

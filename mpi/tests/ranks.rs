@@ -11,9 +11,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
-use common::{
-    Run, Running, Scratch, finish, is_running, spawn, wait_until,
-};
+use common::*;
 use litpt::image::Image;
 use litpt::state::checkpoint::Checkpoint;
 use litpt::state::shards::merge;
@@ -117,11 +115,11 @@ fn ranks_stop_while_they_learn() {
     let child = spawn(&mut ranks(&place, 2, long));
     thread::sleep(Duration::from_secs(2));
     let ranks = processes(&child);
-    kill("-STOP", ranks[1]);
+    signal("STOP", ranks[1]);
     // Rank 0 does its part meanwhile, which takes some seven seconds.
     thread::sleep(Duration::from_secs(12));
-    kill("-CONT", ranks[1]);
-    kill("-INT", ranks[0]);
+    signal("CONT", ranks[1]);
+    signal("INT", ranks[0]);
     let start = Instant::now();
     let run = finish(child);
     assert!(start.elapsed() < Duration::from_secs(3), "too slow");
@@ -144,22 +142,16 @@ fn what_is_wrong_is_said_once() {
         let run = run(&place, 3, arguments);
         assert_eq!(run.status, Some(1), "{}", run.stderr);
         assert_eq!(run.stderr.matches("error:").count(), 1);
-        assert!(run.stderr.contains(message), "{}", run.stderr);
+        run.told(&[message]);
     }
 }
 
 /// The processes of the ranks, in their order.
 fn processes(run: &Running) -> Vec<u32> {
-    let id = run.0.id();
+    let id = run.id();
     let children = format!("/proc/{id}/task/{id}/children");
     let children = fs::read_to_string(children).unwrap();
     children.split_whitespace().map(|id| id.parse().unwrap()).collect()
-}
-
-fn kill(name: &str, process: u32) {
-    let process = process.to_string();
-    let status = Command::new("kill").args([name, &process]).status();
-    assert!(status.unwrap().success());
 }
 
 /// A run of three ranks that has saved its state at least once.
@@ -190,23 +182,23 @@ fn goes_on(place: &Scratch) {
 /// A rank that is killed, and an interrupt, of rank 0 or of all.
 #[test]
 fn a_run_that_is_ended_by_force_goes_on() {
-    let killed = [Some(1), Some(0), None].map(|rank| ("-KILL", rank));
-    let asked = [Some(0), None].map(|rank| ("-INT", rank));
+    let killed = [Some(1), Some(0), None].map(|rank| ("KILL", rank));
+    let asked = [Some(0), None].map(|rank| ("INT", rank));
     for (name, rank) in killed.into_iter().chain(asked) {
         let place = Scratch::new();
         let child = under_way(&place);
         let ranks = processes(&child);
         assert_eq!(ranks.len(), 3);
-        let id = rank.map_or(child.0.id(), |rank: usize| ranks[rank]);
-        kill(name, id);
+        let id = rank.map_or(child.id(), |rank: usize| ranks[rank]);
+        signal(name, id);
         let run = finish(child);
         match (name, rank) {
-            ("-KILL", Some(rank)) => {
+            ("KILL", Some(rank)) => {
                 assert_ne!(run.status, Some(0));
                 let line = format!("process rank {rank} with PID");
-                assert!(run.stderr.contains(&line), "{}", run.stderr);
+                run.told(&[&line]);
             }
-            ("-INT", Some(_)) => assert_eq!(run.status, Some(130)),
+            ("INT", Some(_)) => assert_eq!(run.status, Some(130)),
             _ => (),
         }
         // All ranks are gone soon.
@@ -215,7 +207,7 @@ fn a_run_that_is_ended_by_force_goes_on() {
             assert!(start.elapsed() < Duration::from_secs(30), "remain");
             thread::sleep(Duration::from_millis(20));
         }
-        assert!(name == "-KILL" || place.path("a.pfm").exists());
+        assert!(name == "KILL" || place.path("a.pfm").exists());
         goes_on(&place);
     }
 }

@@ -6,7 +6,6 @@
 // Each file of tests uses its own part of this module.
 #![allow(dead_code)]
 
-use std::ffi::OsStr;
 use std::fs;
 use std::io::{self, Read, Write};
 use std::os::unix::process::CommandExt;
@@ -69,6 +68,13 @@ impl Scratch {
         place
     }
 
+    /// The same with another file.
+    pub fn with(name: &str, bytes: impl AsRef<[u8]>) -> Self {
+        let place = Self::new();
+        place.put(name, bytes);
+        place
+    }
+
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
@@ -128,11 +134,6 @@ impl Scratch {
         let mut command = self.command(PT);
         command.arg("-p0,0,0").args(line.split_whitespace());
         command
-    }
-
-    /// Runs `pt` to its end.
-    pub fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Run {
-        outcome(self.pt("").args(arguments))
     }
 
     /// Runs `pt` with the words of a line.
@@ -203,6 +204,13 @@ pub struct Run {
 /// A child that does not outlive its test, however that ends.
 pub struct Running(pub Child);
 
+impl Running {
+    /// The number of its process.
+    pub fn id(&self) -> u32 {
+        self.0.id()
+    }
+}
+
 impl Drop for Running {
     fn drop(&mut self) {
         // Neither does anything to a child that has been waited for.
@@ -242,7 +250,8 @@ pub fn outcome(command: &mut Command) -> Run {
 /// Runs a command with `input` on its standard input.
 pub fn feed(mut command: Command, input: &[u8]) -> Run {
     let mut child = spawn(command.stdin(Stdio::piped()));
-    child.0.stdin.take().unwrap().write_all(input).unwrap();
+    // One that has ended does not read it.
+    let _ = child.0.stdin.take().unwrap().write_all(input);
     finish(child)
 }
 
@@ -305,11 +314,10 @@ pub fn is_running(process: u32) -> bool {
 }
 
 /// Sends a signal, which fails if the program has ended.
-pub fn signal(name: &str, child: &Running) {
-    let script = format!("kill -{name} {}", child.0.id());
-    let mut command = Command::new("sh");
-    let status = command.args(["-c", &script]).stderr(Stdio::null());
-    let _ = status.status().unwrap();
+pub fn signal(name: &str, process: u32) {
+    let mut command = Command::new("kill");
+    command.args([format!("-{name}"), process.to_string()]);
+    command.stderr(Stdio::null()).status().unwrap();
 }
 
 impl Run {
@@ -326,6 +334,12 @@ impl Run {
         self
     }
 
+    /// Has said each of the `words` on standard error.
+    #[track_caller]
+    pub fn told<S: AsRef<str>>(&self, words: &[S]) {
+        says(&self.stderr, words);
+    }
+
     /// Ended with `status`, nothing on standard output, and one line on
     /// standard error that begins `error:` and holds each of the `words`.
     #[track_caller]
@@ -336,9 +350,15 @@ impl Run {
         assert!(stderr.starts_with("error: "), "{stderr}");
         assert!(stderr.ends_with('\n'), "{stderr}");
         assert_eq!(stderr.lines().count(), 1, "{stderr}");
-        for word in words {
-            assert!(stderr.contains(word), "no {word} in: {stderr}");
-        }
+        says(stderr, words);
+    }
+}
+
+/// Demands that a text has each of the `words`.
+#[track_caller]
+pub fn says<S: AsRef<str>>(text: &str, words: &[S]) {
+    for word in words.iter().map(AsRef::as_ref) {
+        assert!(text.contains(word), "no {word} in: {text}");
     }
 }
 
