@@ -141,6 +141,7 @@ fn the_text_of_a_sample_is_in_the_coordinates_of_the_file() {
     let mut plan = Plan { sensor, ..Plan::default() };
     (plan.up, plan.sky.zenith) = (Some(DVec3::Y), Some(DVec3::Z));
     plan.surfaces.albedo = 0.8;
+    plan.budget = Budget::samples(4);
     let mesh = read_obj(text.as_bytes()).unwrap();
     let world = World::new(&plan, mesh.into(), Host::default()).unwrap();
     let run = litpt::run::Run::new(&world, &plan, Host::default());
