@@ -61,7 +61,7 @@ impl fmt::Display for Diagnostic {
 
 /// Why the library cannot do what it is asked for. Each displays as one
 /// line, without a stop.
-#[derive(Debug, thiserror::Error)]
+#[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A file, or data that came from none, is not as it has to be.
@@ -106,6 +106,13 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 impl<T: Into<Cow<'static, str>>> From<T> for Error {
     fn from(text: T) -> Self {
         Self::Content(Diagnostic::from(text.into()))
+    }
+}
+
+/// As it displays: a `main` that returns it prints a sentence.
+impl fmt::Debug for Error {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        fmt::Display::fmt(self, out)
     }
 }
 

@@ -183,7 +183,7 @@ pub struct PathState {
     /// Where its ray goes.
     direction: DVec3,
     /// What the control variate adds to its contribution.
-    variate: f64,
+    pub variate: f64,
 }
 
 /// The probability that a path of `n` bounces makes another one,

@@ -234,7 +234,7 @@ impl<'a> Run<'a> {
             None => Some(y as usize),
         };
         let row = row.map_or(u32::MAX, |row| row as u32);
-        let [window, _] = self.key.windows();
+        let [_, window] = self.key.windows();
         let ((left, top), (right, bottom)) = (window.corner, window.end());
         let is_there =
             (left..right).contains(&x) && (top..bottom).contains(&row);

@@ -259,9 +259,9 @@ fn receivers_have_tables_and_no_images() {
         assert!(run.status.is_some_and(|status| status > 0), "{line}");
         assert!(run.stderr.contains(fault), "{line}: {}", run.stderr);
     }
-    let line = "room.obj --points p.txt -n64 -o a.ply -o a.csv";
+    let line = "room.obj --points p.txt -n64 -o a.PLY -o a.csv";
     place.free(line).succeeded();
-    let ply = place.get("a.ply");
+    let ply = place.get("a.PLY");
     let end = b"end_header\n";
     let body = ply.windows(end.len()).position(|w| w == end).unwrap();
     let body = &ply[body + end.len()..];

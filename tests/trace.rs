@@ -62,7 +62,7 @@ fn a_film_holds_the_samples_that_are_traced_one_by_one() {
         (1., &[Ending::Sky]),
     ] {
         for method in [Method::Reference, Method::Sobol] {
-            let mut endings = vec![];
+            let (mut endings, mut controls) = (vec![], 0);
             compare(albedo, method, |traces, pixel, net_size| {
                 let mut sum = Accumulator::default();
                 for net in traces.chunks(net_size as usize) {
@@ -72,7 +72,15 @@ fn a_film_holds_the_samples_that_are_traced_one_by_one() {
                 }
                 assert_eq!(sum, *pixel, "{method} {albedo}");
                 endings.extend(traces.iter().map(|trace| trace.ending));
+                // Without the control variate no light is negative.
+                let path =
+                    |trace: &SampleTrace| trace.value - trace.control;
+                assert!(traces.iter().all(|it| path(it) > -1e-12));
+                controls +=
+                    traces.iter().filter(|it| it.control != 0.).count();
             });
+            let has_control = method == Method::Sobol && albedo > 0.;
+            assert_eq!(controls > 0, has_control, "{method} {albedo}");
             for ending in expected {
                 assert!(endings.contains(ending), "{method} {ending:?}");
             }
@@ -202,4 +210,9 @@ fn a_sample_that_the_run_does_not_have_is_refused() {
     assert!(place.get("a.png") == b"old");
     let run = place.line(&format!("{line} 1,2,2"));
     run.failed(1, &["--sample 1,2,2: the run has no such sample"]);
+    // A part has its own rows.
+    let part = "room.obj -d9x40 -n2 --integrator=reference --tiles=2/2";
+    let run = place.line(&format!("{part} --sample 3,2,1"));
+    run.failed(1, &["--sample 3,2,1: nothing is rendered there"]);
+    place.done(&format!("{part} --sample 3,39,1"));
 }

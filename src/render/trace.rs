@@ -84,6 +84,8 @@ pub struct SampleTrace {
     pub ending: Ending,
     /// What it contributes to its pixel; of a gather, before corrections.
     pub value: f64,
+    /// What of that the control variate adds.
+    pub control: f64,
     /// Of a gather, the scramble to which it belongs.
     pub scramble: Option<Scramble>,
 }
@@ -170,7 +172,7 @@ impl<K: Intersector, S: Sampler> Job<'_, K, PathTracer<'_>, S> {
                     hit = intersector.first_hit(&ray, Some(from));
                 }
                 PathEvent::Terminate(value) => {
-                    trace.value = value;
+                    (trace.value, trace.control) = (value, path.variate);
                     trace.ending = match vertex {
                         None => Ending::Sky,
                         Some(vertex) if vertex.albedo == 0. => {
@@ -271,8 +273,12 @@ impl SampleTrace {
             );
         }
         // Print the ending and the value
-        let Self { ending, value, .. } = self;
-        text += &format!("end        {ending}\nvalue      {value}\n");
+        let Self { ending, value, control, .. } = self;
+        text += &format!("end        {ending}\n");
+        if *control != 0. {
+            text += &format!("control    {control}, which the value has\n");
+        }
+        text += &format!("value      {value}\n");
         if let Some(whole) = self.scramble {
             let Scramble { number, count, value, correction } = whole;
             text += &format!(

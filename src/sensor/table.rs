@@ -35,7 +35,8 @@ impl TableFormat {
     /// # Errors
     /// The extension is another, or not for these receivers.
     pub fn of(path: &Path, has_vertices: bool) -> Result<Self> {
-        match path.extension().and_then(|e| e.to_str()) {
+        let ending = path.extension().and_then(|e| e.to_str());
+        match ending.map(str::to_ascii_lowercase).as_deref() {
             Some("csv") => Ok(Self::Csv),
             Some("ply") => Ok(Self::Ply),
             Some("obj") if has_vertices => Ok(Self::Obj),
