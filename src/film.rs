@@ -18,11 +18,14 @@
 //! ```
 
 mod errors;
+mod fragments;
 mod sums;
 mod tile;
 
 pub use errors::{ErrorNorm, NEIGHBOUR_WEIGHT, Summary};
-pub(crate) use sums::add_halves;
-pub use sums::{Film, FilmTile, HalfBuffers, Watch, add_value};
+pub(crate) use fragments::best_of;
+pub use fragments::{Fragment, Fragments, TileFragments};
+pub use sums::{Film, FilmTile, HalfBuffers, Samples, Watch, add_samples};
+pub(crate) use sums::{UNIT, add_halves};
 pub use tile::{MAX_SIDE, SIDE, Tile, Window};
 pub use tile::{digits, parse_size, tile_height};

@@ -210,7 +210,7 @@ impl RunKey {
     pub fn film_of(&self, window: Window, first: u64) -> Film {
         let mut film = self.sampling.film(self.subject.sensed.film(window));
         (film.run_window, film.sample_offset) = (self.windows()[0], first);
-        if self.filtered { film.with_halves() } else { film }
+        if self.filtered { film.with_halves(None) } else { film }
     }
 }
 

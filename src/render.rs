@@ -19,7 +19,8 @@ use rayon::prelude::*;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
 use crate::film::{Film, FilmTile, HalfBuffers, Tile, Watch};
-use crate::film::{add_halves, add_value};
+use crate::film::{Fragments, TileFragments};
+use crate::film::{Samples, add_halves, add_samples};
 use crate::integrator::{Integrator, PathEvent};
 pub use crate::integrator::{RankStats, Renderer};
 use crate::sampler::{IndependentSampler, Sampler};
@@ -86,6 +87,8 @@ struct PathInFlight<P, S> {
     from: u32,
     /// The pixel in its tile.
     pixel: u32,
+    /// The fragment of the tile for which it counts, if for any.
+    fragment: Option<u32>,
 }
 
 impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
@@ -94,7 +97,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
     /// they were, if the pass is stopped or there is nothing to do.
     fn add(
         &self,
-        FilmTile { tile, pixels, halves, .. }: FilmTile,
+        FilmTile { tile, pixels, halves, fragments, .. }: FilmTile,
         values: Range<u64>,
         parts: u64,
     ) -> Option<u64> {
@@ -107,9 +110,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             pixels.iter_mut().for_each(|p| p.add_times(sample, count));
             // Add a known value to both halves
             for number in values.start..values.end.min(values.start + 2) {
-                for halves in &mut *halves {
-                    add_value(halves, number, [sample, 0.]);
-                }
+                let samples = vec![([sample, 0.], 1); halves.len()];
+                add_samples(halves, number, &samples);
             }
         } else {
             // Render the values in parts
@@ -117,7 +119,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             let render = |k: u64| {
                 let start = values.start + k * size;
                 let end = values.end.min(start + size);
-                self.fill(tile, start..end, !halves.is_empty())
+                self.fill(tile, start..end, fragments)
             };
             let parts = (0..count.div_ceil(size)).into_par_iter();
             let done: Option<Vec<_>> = parts.map(render).collect();
@@ -141,29 +143,29 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         &self,
         tile: Tile,
         values: Range<u64>,
-        keeps_halves: bool,
+        fragments: Option<&Fragments>,
     ) -> Option<(Vec<Accumulator>, Vec<HalfBuffers>, u64)> {
         let trace = |samples| {
             let intersector = self.job.intersector;
-            intersector.dispatch(Trace { pass: self, tile, samples })
+            let trace = Trace { pass: self, tile, samples, fragments };
+            intersector.dispatch(trace)
         };
         let net_size = self.job.sampler.net_size();
-        if net_size == 1 && !keeps_halves {
-            return trace(values).map(|(sums, rays)| (sums, vec![], rays));
+        if net_size == 1 && fragments.is_none() {
+            return trace(values)
+                .map(|(sums, _, rays)| (sums, vec![], rays));
         }
         let mut sums = vec![Accumulator::default(); tile.area()];
-        let kept = if keeps_halves { tile.area() } else { 0 };
+        let kept = fragments.map_or(0, |it| it.count(&tile));
         let mut halves = vec![HalfBuffers::default(); kept];
         let mut rays = 0;
         for value in values {
-            let (net, more) =
+            let (net, sorted, more) =
                 trace(value * net_size..(value + 1) * net_size)?;
             for (sum, net) in sums.iter_mut().zip(&net) {
                 sum.add(net.mean());
             }
-            for (halves, net) in halves.iter_mut().zip(&net) {
-                add_value(halves, value, [net.mean(), 0.]);
-            }
+            add_samples(&mut halves, value, &sorted);
             rays += more;
         }
         Some((sums, halves, rays))
@@ -179,7 +181,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         begun: &mut Vec<PathInFlight<E::Path, S>>,
         mut batch: impl Iterator<Item = (u32, u64)>,
         tile: Tile,
-        pixels: &mut [Accumulator],
+        fragments: Option<&TileFragments>,
+        ended: &mut impl FnMut(u32, Option<u32>, f64),
     ) -> u64 {
         let Job { sensor, known_pixels, integrator, .. } = self.job;
         // Choose a point of the image for each path
@@ -203,15 +206,23 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             let Some((pixel, mut sampler)) = started[i].take() else {
                 break;
             };
+            let fragment =
+                fragments.and_then(|it| it.place(pixel, hits[i].as_ref()?));
             let mut path = integrator.begin(directions[i]);
             match integrator.advance(&mut path, hits[i], &mut sampler) {
                 PathEvent::Scatter(ray, from) => {
-                    let flight =
-                        PathInFlight { path, sampler, ray, from, pixel };
+                    let flight = PathInFlight {
+                        path,
+                        sampler,
+                        ray,
+                        from,
+                        pixel,
+                        fragment,
+                    };
                     begun.push(flight);
                 }
                 PathEvent::Terminate(contribution) => {
-                    pixels[pixel as usize].add(contribution);
+                    ended(pixel, fragment, contribution);
                 }
             }
         }
@@ -224,6 +235,7 @@ struct Trace<'a, K, E, S> {
     pass: &'a Pass<'a, K, E, S>,
     tile: Tile,
     samples: Range<u64>,
+    fragments: Option<&'a Fragments>,
 }
 
 impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
@@ -231,15 +243,27 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
 {
     /// The sums of the pixels, and the number of rays; none if it was
     /// stopped.
-    type Output = Option<(Vec<Accumulator>, u64)>;
+    type Output = Option<(Vec<Accumulator>, Vec<Samples>, u64)>;
 
     fn with<L: Intersector>(self, intersector: &L) -> Self::Output {
-        let Self { pass, tile, samples } = self;
+        let Self { pass, tile, samples, fragments } = self;
         let mut pixels = vec![Accumulator::default(); tile.area()];
+        let fragments = fragments.map(|it| it.in_tile(&tile));
+        let fragments = fragments.as_ref();
+        let kept = fragments.map_or(0, |it| it.count);
+        let mut sorted = vec![Samples::default(); kept];
+        let count = pixels.len() as u32;
+        let mut ended = |pixel: u32, fragment: Option<u32>, value: f64| {
+            pixels[pixel as usize].add(value);
+            if let Some(fragment) = fragment {
+                let (sums, count) = &mut sorted[fragment as usize];
+                sums[0] += value;
+                *count += 1;
+            }
+        };
         // List the paths of the tile
         let each = move |pixel| samples.clone().map(move |n| (pixel, n));
-        let mut to_begin =
-            (0..pixels.len() as u32).flat_map(each).peekable();
+        let mut to_begin = (0..count).flat_map(each).peekable();
         let mut begun = Vec::with_capacity(BEAM);
         let mut under_way = Vec::with_capacity(IN_FLIGHT);
         let (mut rays, mut turns) = (0, 0u64);
@@ -253,7 +277,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
                     &mut begun,
                     batch,
                     tile,
-                    &mut pixels,
+                    fragments,
+                    &mut ended,
                 );
             }
             while under_way.len() < IN_FLIGHT
@@ -262,7 +287,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
                 under_way.push(flight);
             }
             if under_way.is_empty() && to_begin.peek().is_none() {
-                return Some((pixels, rays));
+                return Some((pixels, sorted, rays));
             }
             turns += 1;
             if turns.is_multiple_of(256) && !(pass.watch)(0) {
@@ -285,7 +310,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
                         return true;
                     }
                     PathEvent::Terminate(contribution) => {
-                        pixels[flight.pixel as usize].add(contribution);
+                        ended(flight.pixel, flight.fragment, contribution);
                     }
                 }
                 begun.pop().map(|next| *flight = next).is_some()

@@ -31,7 +31,8 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use crate::error::{Error, Result};
-use crate::film::{Film, NEIGHBOUR_WEIGHT};
+use crate::film::{Film, Fragments, NEIGHBOUR_WEIGHT};
+use crate::filter::fragments;
 use crate::host::{Host, Interrupt};
 use crate::image::{Image, Picture};
 use crate::inputs::in_first_rank;
@@ -151,6 +152,15 @@ impl<'a> Run<'a> {
         part.or(self.plan.budget.samples)
     }
 
+    /// What the pixels show, if a picture is to be filtered.
+    pub fn fragments(&self) -> Option<Arc<Fragments>> {
+        let (Self { key, world, .. }, view) = (self, self.world.view());
+        let [run_window, window] = key.windows();
+        let windows = (window, run_window);
+        let trace = || fragments(&world.bvh, &view, windows).into();
+        key.filtered.then(trace)
+    }
+
     /// The film and what it has so far: nothing yet, or what is saved.
     ///
     /// # Errors
@@ -162,6 +172,9 @@ impl<'a> Run<'a> {
         let key = &self.key;
         self.ask_for_memory()?;
         let mut film = key.film();
+        if let Some(shown) = self.fragments() {
+            film = film.with_halves(Some(shown));
+        }
         let goal = self.goal();
         let is_part = self.plan.part.is_some_and(|part| part.count() > 0);
         if is_part && goal == Some(0) {

@@ -7,6 +7,7 @@
 use std::cell::{LazyCell, OnceCell};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
@@ -16,8 +17,8 @@ use crate::compare::display::{AUTO_EXPOSURE, Curve, Exposure};
 use crate::compare::display::{auto_stops, cut_out};
 use crate::compare::display::{seeming_surfaces, tonemap};
 use crate::error::Result;
-use crate::film::Film;
-use crate::filter::{Filtered, FirstHits, surface_means};
+use crate::film::{Film, Fragments};
+use crate::filter::{Filtered, fragments, surface_means};
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
 use crate::key::entries;
 use crate::output::OutputTarget;
@@ -48,8 +49,8 @@ pub struct RunOutput<'a> {
     exposure: Option<Exposure>,
     /// What is shown; none if it is a sum of parts.
     world: Option<&'a World>,
-    /// What the pixels show, if there is a camera.
-    hits: OnceCell<FirstHits>,
+    /// What the pixels show, once that is asked for.
+    shown: OnceCell<Arc<Fragments>>,
 }
 
 impl RunFile {
@@ -91,8 +92,8 @@ impl<'a> RunOutput<'a> {
             RunFile { product, target, due, seconds: 0. }
         };
         let files = files.into_iter().map(file).collect();
-        let hits = OnceCell::new();
-        Self { files, every, record, exposure, world, hits }
+        let shown = OnceCell::new();
+        Self { files, every, record, exposure, world, shown }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -107,7 +108,7 @@ impl<'a> RunOutput<'a> {
         now: Option<Instant>,
     ) -> Result<()> {
         let &mut Self { world, exposure, .. } = self;
-        let Self { files, every, record, hits, .. } = self;
+        let Self { files, every, record, shown, .. } = self;
         let camera = world.filter(|world| world.table().is_none());
         record.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
@@ -118,13 +119,7 @@ impl<'a> RunOutput<'a> {
         // Filter the image if a file shows it
         let began = Instant::now();
         let shows = due.iter().any(|product| product.is_picture());
-        let is_shown = record.run_key.filtered && shows;
-        let trace = |world: &World| {
-            FirstHits::trace(&world.bvh, &world.view(), film.window)
-        };
-        let hits = || camera.map(|world| hits.get_or_init(|| trace(world)));
-        let guide = is_shown.then(hits).flatten();
-        let filtered = guide.and_then(|hits| Filtered::of(film, hits));
+        let filtered = if shows { Filtered::of(film) } else { None };
         record.report.picture = filtered.as_ref().map(|f| f.error);
         let filtering = began.elapsed();
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
@@ -135,9 +130,16 @@ impl<'a> RunOutput<'a> {
         let background = record.run_key.subject.sky.background;
         let cut =
             background.filter(|_| has(Format::Png) || has(Format::Exr));
-        let cut =
-            cut.filter(|_| film.unsampled() == 0).and_then(|_| hits());
-        let opacity = cut.and_then(|hits| hits.opacity.as_deref());
+        let cut = cut.filter(|_| film.unsampled() == 0).and(camera);
+        let trace = |world: &World| {
+            let (own, view) = (film.fragments.clone(), world.view());
+            let windows = (film.window, film.run_window);
+            let trace = || fragments(&world.bvh, &view, windows);
+            own.unwrap_or_else(|| trace().into())
+        };
+        let opacity =
+            cut.map(|world| shown.get_or_init(|| trace(world)).opacity());
+        let opacity = opacity.as_deref();
         let record = &*record;
         let shown =
             Shown { record, film, world, filtered, opacity, stops, auto };
@@ -195,7 +197,7 @@ impl<'a> RunOutput<'a> {
         let none = if is_saved { state } else { 0. } + 0.15 * files;
         let threads = rayon::current_num_threads() as f64;
         let is_filtered = self.record.run_key.filtered;
-        let filter = if is_filtered { 5000. / threads } else { 0. };
+        let filter = if is_filtered { 11000. / threads } else { 0. };
         let is_cut = self.record.run_key.subject.sky.background.is_some();
         let cut = if is_cut { 5000. / threads } else { 0. };
         let most = summary + files + filter + cut;

@@ -148,7 +148,7 @@ pub fn scrambles(
     let mut pixels = vec![Accumulator::default(); window.area()];
     let mut mean = Accumulator::default();
     for scramble in 0..count {
-        let [values, _] = tracer.tile(tile, scramble);
+        let values = tracer.tile(tile, scramble).means;
         mean.add(values.iter().sum::<f64>() / values.len() as f64);
         pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
     }

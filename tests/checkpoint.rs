@@ -93,7 +93,7 @@ fn every_bit_that_flips_and_every_other_length_is_noticed() {
     for at in 0..whole.len() {
         let refuse = |bytes: &[u8]| {
             let fault = refused(bytes);
-            let kind = if at < 19 { "not a checkpoint" } else { "damaged" };
+            let kind = if at < 20 { "not a checkpoint" } else { "damaged" };
             assert!(fault.contains(kind), "{at}: {fault}");
         };
         refuse(&whole[..at]);

@@ -663,7 +663,7 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
         let view = LitView { sensor, ..gather.view };
         let gather = Gather { known_pixels: known, view, ..gather };
         let mut tracer = tracer(&gather, &cache, &allocation);
-        (tracer.tile(tile, 0)[0].clone(), tracer.rays)
+        (tracer.tile(tile, 0).means, tracer.rays)
     };
     let (sky, job) = (Sky::new(DVec3::Z), stage.setting.job(0));
     let (place, bvh) = (entrance.place().unwrap(), job.intersector);

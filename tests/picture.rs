@@ -7,7 +7,12 @@
 use crate::prelude::*;
 
 use crate::outputs::png;
-use litpt::filter::{Filtered, FirstHits};
+use litpt::film::{Fragment, Fragments};
+use litpt::filter::{Filtered, fragments};
+use litpt::plan::{CameraPlan, Plan, SensorPlan, Stand};
+use litpt::scene::read_obj;
+use std::slice::from_mut;
+use std::sync::Arc;
 
 const SIDE: u32 = 96;
 
@@ -18,9 +23,10 @@ fn truth(x: u32) -> [f64; 2] {
 
 /// A film of stripes on a wall, with noise that is uniform; and what the
 /// middles of its pixels show.
-fn striped(seed: u64, odd: bool) -> Film {
+fn striped(shown: &Arc<Fragments>, seed: u64, odd: bool) -> Film {
     let mut random = Pcg64::seed_from_u64(seed);
-    let mut film = Film::new(SIDE, SIDE).with_halves();
+    let film = Film::new(SIDE, SIDE);
+    let mut film = film.with_halves(Some(shown.clone()));
     let values = if odd { 7 } else { 8 };
     for FilmTile { tile, pixels, halves, .. } in film.tiles() {
         for (i, (pixel, halves)) in (0..).zip(pixels.iter_mut().zip(halves))
@@ -30,7 +36,8 @@ fn striped(seed: u64, odd: bool) -> Film {
                 let mut noise = || random.random::<f64>() - 0.5;
                 let (a, b) = (0.2 * noise(), 0.5 * noise());
                 let parts = [gathered + a, correction + b];
-                add_value(halves, number, parts);
+                let samples = [(parts, 1)];
+                add_samples(from_mut(halves), number, &samples);
                 pixel.add(parts[0] + parts[1]);
             }
         }
@@ -38,14 +45,15 @@ fn striped(seed: u64, odd: bool) -> Film {
     film
 }
 
-fn wall() -> FirstHits {
+fn wall() -> Arc<Fragments> {
     let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 20.);
     let mesh = cavity(0.1, 64);
     let setting = Setting::new(&mesh, (0.8, DVec3::Z), &view, 1.).unwrap();
     let size = (SIDE, SIDE);
     let gather = setting.gather(size);
     let window = Window { corner: (0, 0), size };
-    FirstHits::trace(gather.intersector, &gather.view, window)
+    let windows = (window, window);
+    fragments(gather.intersector, &gather.view, windows).into()
 }
 
 fn mean_square(image: &[f64]) -> f64 {
@@ -59,13 +67,13 @@ fn mean_square(image: &[f64]) -> f64 {
 /// alarm in 10^5), and the filter pays; with odd numbers too.
 #[test]
 fn a_picture_is_as_wrong_as_it_says() {
-    let hits = wall();
+    let shown = wall();
     for odd in [false, true] {
         let [mut gap, mut plain, mut filtered, mut bias] =
             [Accumulator::default(); 4];
         for seed in 0..64 {
-            let film = striped(seed, odd);
-            let picture = Filtered::of(&film, &hits).unwrap();
+            let film = striped(&shown, seed, odd);
+            let picture = Filtered::of(&film).unwrap();
             let means: Vec<f64> = film.means().collect();
             let [rmse, wrong] = [picture.error.rmse, picture.error.bias];
             let square = mean_square(&picture.image.means);
@@ -90,18 +98,22 @@ fn a_picture_is_as_wrong_as_it_says() {
 /// stays as it is.
 #[test]
 fn what_needs_no_filter_is_not_changed() {
-    let hits = wall();
-    assert!(Filtered::of(&Film::new(SIDE, SIDE), &hits).is_none());
+    let shown = wall();
+    assert!(Filtered::of(&Film::new(SIDE, SIDE)).is_none());
     let film = |values| {
-        let mut film = Film::new(SIDE, SIDE).with_halves();
+        let film = Film::new(SIDE, SIDE);
+        let mut film = film.with_halves(Some(shown.clone()));
         for part in film.tiles() {
             let corner = part.tile.corner.0;
             for (i, halves) in (0..).zip(part.halves) {
                 let parts = truth(corner + i % 16);
-                (0..values).for_each(|n| add_value(halves, n, parts));
+                for n in 0..values {
+                    let samples = [(parts, 1)];
+                    add_samples(from_mut(halves), n, &samples);
+                }
             }
         }
-        Filtered::of(&film, &hits)
+        Filtered::of(&film)
     };
     assert!(film(1).is_none());
     let exact = film(2).unwrap();
@@ -258,5 +270,74 @@ fn automatic_exposure_has_one_definition() {
         let ours = place.done(&format!("{scene} -o a.png --exposure auto"));
         let theirs = place.ptimg("tonemap a.exr -o b.png -f -e auto");
         assert_eq!(stops(ours), stops(theirs), "{options}");
+    }
+}
+
+/// What a camera at the origin sees of a mesh before a grey of 1.
+fn shown(obj: &str, size: (u32, u32)) -> Fragments {
+    let stand = Stand::At(DVec3::ZERO, DVec3::Y);
+    let (resolution, background) = (size, Some(1.));
+    let camera = CameraPlan {
+        resolution,
+        stand,
+        background,
+        ..CameraPlan::default()
+    };
+    let sensor = SensorPlan::Camera(camera);
+    let plan = Plan { sensor, ..Plan::default() };
+    let mesh = read_obj(obj.as_bytes()).unwrap();
+    let world = World::new(&plan, mesh.into(), Host::default()).unwrap();
+    let window = Window { corner: (0, 0), size };
+    fragments(&world.bvh, &world.view(), (window, window))
+}
+
+/// The parts of a pixel add up to it, whatever it shows; and a rod that no ray
+/// through the middle of a pixel meets is seen, as wide as it is.
+#[test]
+fn the_fragments_of_a_pixel_cover_it() {
+    // Two walls that meet, a shelf before them, and a rod within a column
+    // of 64: less than a third of a pixel wide, and high enough for all rows.
+    let pixel = 2. * 35f64.to_radians().tan() / 48.;
+    let [a, b] = [-7.8, -7.5].map(|column: f64| column * pixel);
+    let obj = format!(
+        "v -3 4 -1\nv 0.05 5 -1\nv 0.05 5 1\nv -3 4 1\nf 1 2 3 4\n\
+         v 3 4 -1\nv 3 4 1\nf 2 5 6 3\n\
+         v -0.5 3 0.1\nv 0.7 3 0.1\nv 0.7 3 0.2\nv -0.5 3 0.2\nf 7 8 9 10\n\
+         v {a} 1 -2\nv {b} 1 -2\nv {b} 1 2\nv {a} 1 2\nf 11 12 13 14\n"
+    );
+    let shown = shown(&obj, (64, 48));
+    let mut kinds = [0; 4];
+    for p in 0..64 * 48 {
+        let own = shown.of(p);
+        let covered: f32 = own.iter().map(|it| it.coverage).sum();
+        assert_eq!(covered + shown.sky[p], 1., "{p}");
+        kinds[own.len()] += 1;
+    }
+    assert!(kinds.iter().all(|&count| count > 0), "{kinds:?}");
+    let is_rod = |it: &&Fragment| it.point.y < 1.5;
+    let rod = shown.all.iter().filter(is_rod);
+    let area: f32 = rod.map(|it| it.coverage).sum();
+    // Each of 48 pixels of a column tells that to a sixteenth, or less.
+    assert!((area / 48. - 0.3).abs() < 1. / 16., "{area}");
+}
+
+/// Each sample of a film counts for a fragment, or shows the sky.
+#[test]
+fn each_sample_counts_for_what_it_meets_first() {
+    let place = Scratch::new();
+    place.put("a.obj", "v -2 9 -2\nv 3 9 -1\nv 0 9 3\nf 1 2 3\n");
+    for method in ["sobol", "gather"] {
+        let view =
+            format!("a.obj -r0.5 -d16x12 -n64 -f --integrator={method}");
+        place.done(&format!("{view} -oa.png -oa.litpt -p0,0,0 -t0,9,0"));
+        let path = place.path("a.litpt");
+        let mut state = Checkpoint::of_file(&path).unwrap();
+        let mut film = state.record.run_key.film();
+        state.fill(&mut film).unwrap();
+        let counts = film.halves.iter().flatten().flatten();
+        let corrected: i64 = counts.map(|half| half[2]).sum();
+        // The triangle covers a part of the image.
+        let all = 16 * 12 * 64;
+        assert!((all / 20..all / 2).contains(&corrected), "{corrected}");
     }
 }

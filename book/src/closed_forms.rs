@@ -415,5 +415,5 @@ pub fn tracer<'a>(
     allocation: &'a Allocation,
 ) -> Tracer<'a, Bvh> {
     let intersector = gather.intersector;
-    Tracer { gather, intersector, cache, allocation, rays: 0 }
+    Tracer::new(gather, intersector, cache, allocation)
 }

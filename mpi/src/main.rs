@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::process::{self, ExitCode};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
-use std::sync::{Mutex, MutexGuard, Once, PoisonError, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 use std::{panic, thread};
 
@@ -19,7 +19,7 @@ use litpt::cli::files::keep_the_place;
 use litpt::cli::ranks::{Ranks, follow};
 use litpt::cli::{progress, run::main_with};
 use litpt::error::Result;
-use litpt::film::{Film, SIDE, Watch, Window};
+use litpt::film::{Film, Fragments, SIDE, Watch, Window};
 use litpt::integrator::Communicator;
 use litpt::key::RunKey;
 use litpt::render::{RankStats, Renderer};
@@ -75,18 +75,24 @@ impl Ranks for World {
         &self,
         own: Box<dyn Renderer + 'a>,
         run_key: &'a RunKey,
+        shown: Option<Arc<Fragments>>,
     ) -> Box<dyn Renderer + 'a> {
         if self.rank_and_size().1 == 1 {
             return own;
         }
-        let own = Worker::new(own, run_key);
+        let own = Worker::new(own, run_key, shown);
         let shares = vec![RankStats::default(); self.rank_and_size().1];
         Box::new(Leader { own, shares, passes: 0., least: 0. })
     }
 
-    fn serve(&self, renderer: Box<dyn Renderer + '_>, run_key: &RunKey) {
+    fn serve(
+        &self,
+        renderer: Box<dyn Renderer + '_>,
+        run_key: &RunKey,
+        shown: Option<Arc<Fragments>>,
+    ) {
         let goes_on = |_| !STOPPED.load(Relaxed);
-        let mut own = Worker::new(renderer, run_key);
+        let mut own = Worker::new(renderer, run_key, shown);
         // Learn with the leader
         if wait_for(pending_order) != Order::Learn {
             return;
@@ -405,6 +411,8 @@ impl Part {
 struct Worker<'a> {
     renderer: Box<dyn Renderer + 'a>,
     run_key: &'a RunKey,
+    /// What the pixels show, if a picture is to be filtered.
+    shown: Option<Arc<Fragments>>,
     /// What it has done.
     share: RankStats,
     /// The processor time before that.
@@ -412,15 +420,28 @@ struct Worker<'a> {
 }
 
 impl<'a> Worker<'a> {
-    fn new(renderer: Box<dyn Renderer + 'a>, run_key: &'a RunKey) -> Self {
-        let before = processor_seconds();
-        Self { renderer, run_key, share: RankStats::default(), before }
+    fn new(
+        renderer: Box<dyn Renderer + 'a>,
+        run_key: &'a RunKey,
+        shown: Option<Arc<Fragments>>,
+    ) -> Self {
+        let (before, share) = (processor_seconds(), RankStats::default());
+        Self { renderer, run_key, shown, share, before }
+    }
+
+    /// The same film, which keeps halves if a picture is to be filtered.
+    fn with_halves(&self, film: Film) -> Film {
+        match &self.shown {
+            Some(shown) => film.with_halves(Some(shown.clone())),
+            None => film,
+        }
     }
 
     /// Renders a piece, unless `watch` stops it.
     fn render(&mut self, piece: Piece, watch: &Watch) -> Part {
         let began = Instant::now();
-        let mut film = self.run_key.film_of(piece.window, piece.first);
+        let film = self.run_key.film_of(piece.window, piece.first);
+        let mut film = self.with_halves(film);
         let rays = self.renderer.pass(&mut film, piece.samples, watch);
         let values: u64 = film.pixels.iter().map(|p| p.count()).sum();
         self.share.paths += values * film.net_size;

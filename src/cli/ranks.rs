@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The processes that render one image.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::ThreadPoolBuilder;
@@ -10,6 +11,7 @@ use rayon::ThreadPoolBuilder;
 use super::progress;
 use super::watchdog;
 use crate::error::Result;
+use crate::film::Fragments;
 use crate::host::Host;
 use crate::inputs::{Inputs, in_first_rank};
 use crate::integrator::{Communicator, SingleProcess};
@@ -26,12 +28,19 @@ pub trait Ranks: Communicator {
         &self,
         own: Box<dyn Renderer + 'a>,
         _: &'a RunKey,
+        _: Option<Arc<Fragments>>,
     ) -> Box<dyn Renderer + 'a> {
         own
     }
 
     /// Renders for the first until there is nothing more to do.
-    fn serve(&self, _: Box<dyn Renderer + '_>, _: &RunKey) {}
+    fn serve(
+        &self,
+        _: Box<dyn Renderer + '_>,
+        _: &RunKey,
+        _: Option<Arc<Fragments>>,
+    ) {
+    }
 }
 
 impl Ranks for SingleProcess {}
@@ -61,7 +70,8 @@ pub fn follow(ranks: &dyn Ranks) -> Result<()> {
     let inputs = Inputs::read(&plan, host)?;
     let world = World::new(&plan, inputs, host)?;
     let run = Run::new(&world, &plan, host)?;
+    let shown = run.fragments();
     let Run { renderer, key, .. } = run;
-    ranks.serve(renderer, &key);
+    ranks.serve(renderer, &key, shown);
     Ok(())
 }

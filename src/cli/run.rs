@@ -195,7 +195,7 @@ fn render(
     let directory = env::current_dir().unwrap_or_default();
     let (mut limits, report) = (run.limits(), run.report());
     let Run { plan, world, host, key, learnt, renderer, .. } = run;
-    let renderer = &mut *ranks.lead(renderer, &key);
+    let renderer = &mut *ranks.lead(renderer, &key, film.fragments.clone());
     // Prepare the files of the run
     let (run_key, saved) = (key.clone(), plan.saved(&directory));
     let record = RunRecord { run_key, plan: saved, report, learnt };

@@ -5,10 +5,11 @@
 
 use std::io::{self, Read, Write};
 use std::ops::Range;
+use std::sync::Arc;
 
-use glam::Vec2;
 use rayon::prelude::*;
 
+use super::fragments::Fragments;
 use super::tile::{SIDE, Tile, Window, tile_height};
 use super::tile::{along_curve, van_der_corput};
 use crate::memory::zeroed;
@@ -23,8 +24,10 @@ pub struct FilmTile<'a> {
     pub pixels: &'a mut [Accumulator],
     /// Its mean, if the film has one.
     pub mean: Option<&'a mut Accumulator>,
-    /// The halves of its pixels, or nothing if the film has none.
+    /// The halves of its fragments, or nothing if the film has none.
     pub halves: &'a mut [HalfBuffers],
+    /// What its pixels show, if its halves are to be filled.
+    pub fragments: Option<&'a Fragments>,
 }
 
 /// An image in the making, or a part of it: one accumulator per pixel.
@@ -51,9 +54,11 @@ pub struct Film {
     pub pixels: Vec<Accumulator>,
     /// The means of each tile, if its pixels share random numbers; else none.
     pub tile_means: Vec<Accumulator>,
-    /// The halves of the pixels, in the same order; none unless a picture is
-    /// to be filtered.
-    pub halves: Vec<HalfBuffers>,
+    /// The halves of the fragments of each tile; none unless a picture is to be
+    /// filtered.
+    pub halves: Vec<Vec<HalfBuffers>>,
+    /// What the pixels show, if halves are to be filled.
+    pub fragments: Option<Arc<Fragments>>,
 }
 
 /// Watches the work on a film: called, from any thread, with what is done,
@@ -61,17 +66,29 @@ pub struct Film {
 /// Answers whether to go on.
 pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
 
-/// The values of a pixel in two halves, those of even and of odd numbers: of
-/// each the sums of what was gathered and of its corrections, in units of
-/// 2^-32, and the number of values.
+/// The samples of a fragment in two halves, those of even and of odd
+/// replicates: of each the sums of what was gathered and of its
+/// corrections, in units of 2^-32, and the number of samples.
 pub type HalfBuffers = [[i64; 3]; 2];
 
-/// Adds the value of this number: what was gathered, and its correction.
-pub fn add_value(halves: &mut HalfBuffers, number: u64, parts: [f64; 2]) {
-    let [gathered, corrected] = parts.map(|part| (part * UNIT) as i64);
-    let half = &mut halves[(number % 2) as usize];
-    for (sum, more) in half.iter_mut().zip([gathered, corrected, 1]) {
-        *sum = sum.wrapping_add(more);
+/// The samples of a fragment in one replicate: sums of what was gathered and of
+/// its corrections, and the number of samples.
+pub type Samples = ([f64; 2], u32);
+
+/// Adds to the halves of fragments their samples in the replicate of this
+/// number.
+pub fn add_samples(
+    halves: &mut [HalfBuffers],
+    number: u64,
+    samples: &[Samples],
+) {
+    for (halves, (parts, count)) in halves.iter_mut().zip(samples) {
+        let [gathered, corrected] = parts.map(|part| (part * UNIT) as i64);
+        let half = &mut halves[(number % 2) as usize];
+        let more = [gathered, corrected, i64::from(*count)];
+        for (sum, more) in half.iter_mut().zip(more) {
+            *sum = sum.wrapping_add(more);
+        }
     }
 }
 
@@ -88,7 +105,7 @@ pub(crate) fn add_halves(
 }
 
 /// Units of the sums of halves in 1.
-const UNIT: f64 = power_of_two(32);
+pub(crate) const UNIT: f64 = power_of_two(32);
 
 impl Film {
     /// The film of a whole image of at least one pixel, without a sample.
@@ -149,6 +166,7 @@ impl Film {
             pixels,
             tile_means: vec![],
             halves: vec![],
+            fragments: None,
         }
     }
 
@@ -156,13 +174,17 @@ impl Film {
     pub fn tiles(&mut self) -> Vec<FilmTile<'_>> {
         let begun = self.pixels[0].count() > 0;
         let mut rest = &mut self.pixels[..];
-        let mut halves = &mut self.halves[..];
+        let mut halves = self.halves.iter_mut();
         let mut means = self.tile_means.iter_mut();
         let part = |&tile: &Tile| FilmTile {
             tile,
             pixels: rest.split_off_mut(..tile.area()).unwrap_or_default(),
             mean: means.next(),
-            halves: halves.split_off_mut(..tile.area()).unwrap_or_default(),
+            halves: halves
+                .next()
+                .map(Vec::as_mut_slice)
+                .unwrap_or_default(),
+            fragments: self.fragments.as_deref(),
         };
         let mut parts: Vec<_> = self.tiles.iter().map(part).collect();
         if begun {
@@ -220,15 +242,11 @@ impl Film {
         strips.flat_map(|(_, strip)| &self.pixels[strip])
     }
 
-    /// A term of the halves of each pixel, row by row: sums of what was gathered
-    /// (0) or of corrections (1), or numbers of values (2).
-    pub fn halves_of(&self, term: usize) -> impl Iterator<Item = Vec2> {
-        let unit = if term < 2 { UNIT } else { 1. };
-        let strips = self.strips(self.window);
-        let halves = strips.flat_map(|(_, strip)| self.halves.get(strip));
-        halves.flatten().map(move |halves| {
-            Vec2::from(halves.map(|half| (half[term] as f64 / unit) as f32))
-        })
+    /// The tiles with their halves.
+    pub fn tiles_of_halves(
+        &self,
+    ) -> impl Iterator<Item = (&Tile, &[HalfBuffers])> {
+        self.tiles.iter().zip(self.halves.iter().map(Vec::as_slice))
     }
 
     /// Where the pixels of a window are stored, row by row, those of each tile
@@ -338,9 +356,15 @@ impl Film {
         self
     }
 
-    /// The same film, which keeps halves. It must be empty.
-    pub fn with_halves(mut self) -> Self {
-        self.halves = vec![HalfBuffers::default(); self.pixels.len()];
+    /// The same film, which keeps halves of what its pixels show, if that is
+    /// known, or those that it will read. It must be empty.
+    pub fn with_halves(mut self, shown: Option<Arc<Fragments>>) -> Self {
+        let halves = |tile: &Tile| {
+            let count = shown.as_ref().map_or(0, |it| it.count(tile));
+            vec![HalfBuffers::default(); count]
+        };
+        self.halves = self.tiles.iter().map(halves).collect();
+        self.fragments = shown;
         self
     }
 
@@ -359,9 +383,10 @@ impl Film {
             if let Some(mean) = part.tile_means.get(number) {
                 self.tile_means[place].merge(mean);
             }
-            if !self.halves.is_empty() {
-                let halves = &mut self.halves[start..];
-                let more = &part.halves[tile.start..][..tile.area()];
+            if let Some(halves) = self.halves.get_mut(place) {
+                let more = &part.halves[number];
+                let count = halves.len().max(more.len());
+                halves.resize(count, HalfBuffers::default());
                 add_halves(halves, more);
             }
         }
@@ -372,8 +397,12 @@ impl Film {
         for sums in self.pixels.iter().chain(&self.tile_means) {
             out.write_all(&sums.to_bytes())?;
         }
-        let mut halves = self.halves.as_flattened().as_flattened().iter();
-        halves.try_for_each(|sum| out.write_all(&sum.to_le_bytes()))
+        for halves in &self.halves {
+            out.write_all(&(halves.len() as u16).to_le_bytes())?;
+            let mut sums = halves.as_flattened().as_flattened().iter();
+            sums.try_for_each(|sum| out.write_all(&sum.to_le_bytes()))?;
+        }
+        Ok(())
     }
 
     /// Fills an empty film with sums that one of the same run has written.
@@ -383,10 +412,16 @@ impl Film {
             from.read_exact(&mut bytes)?;
             *sums = Accumulator::from_bytes(&bytes);
         }
-        let mut bytes = [0; 8];
-        for sum in self.halves.as_flattened_mut().as_flattened_mut() {
+        for halves in &mut self.halves {
+            let mut bytes = [0; 2];
             from.read_exact(&mut bytes)?;
-            *sum = i64::from_le_bytes(bytes);
+            let count = u16::from_le_bytes(bytes).into();
+            halves.resize(count, HalfBuffers::default());
+            for sum in halves.as_flattened_mut().as_flattened_mut() {
+                let mut bytes = [0; 8];
+                from.read_exact(&mut bytes)?;
+                *sum = i64::from_le_bytes(bytes);
+            }
         }
         Ok(())
     }

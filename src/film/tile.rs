@@ -117,7 +117,7 @@ impl Window {
 
     /// This and the pixels that are at most so many columns and rows away,
     /// as far as they lie `within` another window.
-    pub(super) fn grown(&self, reach: u32, within: Self) -> Self {
+    pub(crate) fn grown(&self, reach: u32, within: Self) -> Self {
         let ((x, y), (left, top)) = (self.corner, within.corner);
         let [ends, limits] = [self.end(), within.end()];
         let start = |at: u32, first| at.saturating_sub(reach).max(first);

@@ -28,7 +28,8 @@ use rand::RngExt;
 use crate::analysis::LitView;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Bvh, Hit, Intersector};
-use crate::film::{ErrorNorm, Tile, Window};
+use crate::film::{ErrorNorm, Samples, Tile, Window};
+use crate::film::{Fragments, TileFragments};
 use crate::integrator::Communicator;
 use crate::sampler::sobol::{ScrambledNet, scramble_key};
 use crate::sampler::{generator, to_unit};
@@ -79,8 +80,36 @@ pub struct Tracer<'a, K> {
     pub cache: &'a RadianceCache,
     /// How the samples are distributed.
     pub allocation: &'a Allocation,
+    /// What the pixels show, if samples are to be sorted by it.
+    pub fragments: Option<&'a Fragments>,
     /// The number of rays traced so far.
     pub rays: u64,
+}
+
+/// The samples of a tile in a scramble.
+#[derive(Default)]
+pub struct TileSamples {
+    /// The mean of each pixel.
+    pub means: Vec<f64>,
+    /// What corrections have added to it.
+    pub corrections: Vec<f64>,
+    /// The samples of each fragment, if they are sorted.
+    pub sorted: Vec<Samples>,
+    /// Those that gather.
+    pub samples: Vec<Sample>,
+}
+
+impl<'a, K> Tracer<'a, K> {
+    /// A tracer that has traced nothing, and sorts no samples.
+    pub fn new(
+        gather: &'a Gather<'a>,
+        intersector: &'a K,
+        cache: &'a RadianceCache,
+        allocation: &'a Allocation,
+    ) -> Self {
+        let fragments = None;
+        Self { gather, intersector, cache, allocation, fragments, rays: 0 }
+    }
 }
 
 /// What a ray has met.
@@ -172,6 +201,8 @@ pub struct Sample {
     pub albedo: f64,
     /// The pixel in its tile.
     pub pixel: u32,
+    /// The fragment of the tile for which it counts, if for any.
+    pub fragment: Option<u32>,
     /// Its number among the samples of the pixel in a scramble.
     pub number: u32,
     /// About the radiance of the pixel; positive.
@@ -247,6 +278,7 @@ impl<K: Intersector> Tracer<'_, K> {
         tile: Tile,
         scramble: u64,
         sums: &mut [f64],
+        fragments: Option<&TileFragments>,
     ) -> Vec<Sample> {
         let &Gather { view, known_pixels, seed, .. } = self.gather;
         let mut looks = vec![];
@@ -281,10 +313,13 @@ impl<K: Intersector> Tracer<'_, K> {
                 };
                 let albedo = view.surfaces.albedo(hit.primitive);
                 let (weight, end) = (1., None);
+                let fragment =
+                    fragments.and_then(|it| it.place(pixel, &hit));
                 samples.push(Sample {
                     hit,
                     albedo,
                     pixel,
+                    fragment,
                     number,
                     scale,
                     weight,
@@ -296,37 +331,41 @@ impl<K: Intersector> Tracer<'_, K> {
         samples
     }
 
-    /// The means of the pixels of a tile in a scramble, and what corrections
-    /// have added to them.
-    pub fn tile(&mut self, tile: Tile, scramble: u64) -> [Vec<f64>; 2] {
-        self.samples(tile, scramble).0
-    }
-
-    /// The same, with the samples that gather.
-    pub fn samples(
-        &mut self,
-        tile: Tile,
-        scramble: u64,
-    ) -> ([Vec<f64>; 2], Vec<Sample>) {
+    /// The samples of a tile in a scramble.
+    pub fn tile(&mut self, tile: Tile, scramble: u64) -> TileSamples {
         let area = tile.size.0 * tile.size.1;
         let &Gather { known_pixels, seed, .. } = self.gather;
         if let TileContent::Constant(value) =
             known_pixels.content(tile.corner)
         {
-            let parts = [value, 0.].map(|value| vec![value; area as usize]);
-            return (parts, vec![]);
+            let area = area as usize;
+            let sort =
+                |it: &Fragments| vec![([value, 0.], 1); it.count(&tile)];
+            let sorted = self.fragments.map_or(vec![], sort);
+            let (means, corrections) = (vec![value; area], vec![0.; area]);
+            return TileSamples {
+                means,
+                corrections,
+                sorted,
+                samples: vec![],
+            };
         }
         let stream = tile_number(tile.corner);
         let mut random = generator(seed, stream, scramble);
         let mut sums = vec![0.; area as usize];
-        let mut samples = self.begin(tile, scramble, &mut sums);
+        let fragments = self.fragments.map(|it| it.in_tile(&tile));
+        let fragments = fragments.as_ref();
+        let mut samples = self.begin(tile, scramble, &mut sums, fragments);
         // Gather at all samples
         let cache = self.cache;
         let cell = |Sample { hit, .. }: &Sample| {
             *cache.at(cache.grid.name(hit.point, hit.normal))
         };
         let cells: Vec<Cell> = samples.iter().map(cell).collect();
-        for (sample, cell) in samples.iter_mut().zip(&cells) {
+        let mut parts = vec![[0.; 2]; samples.len()];
+        for ((sample, cell), [gathered, _]) in
+            samples.iter_mut().zip(&cells).zip(&mut parts)
+        {
             let ray = self.trace_gather_ray(
                 &sample.hit,
                 cache.guide(cell),
@@ -337,21 +376,25 @@ impl<K: Intersector> Tracer<'_, K> {
                 End::Sky(radiance) => {
                     let radiance = sample.albedo * ray.weight * radiance;
                     sums[sample.pixel as usize] += radiance;
+                    *gathered = radiance;
                 }
                 End::Hit(hit) => sample.end = Some((hit, UNSEEN)),
             }
         }
         // Look up what the gathers have met
-        for Sample { albedo, pixel, weight, end, .. } in &mut samples {
+        for (Sample { albedo, pixel, weight, end, .. }, [gathered, _]) in
+            samples.iter_mut().zip(&mut parts)
+        {
             if let Some((hit, cell)) = end {
                 let u = [random.random(), random.random()];
                 *cell = self.cell_around(hit, u);
                 let radiance = *albedo * *weight * f64::from(cell.value);
                 sums[*pixel as usize] += radiance;
+                *gathered = radiance;
             }
         }
         let mut corrections = sums.clone();
-        self.correct(&samples, &mut random, &mut sums);
+        self.correct(&samples, &mut random, &mut sums, &mut parts);
         for (pixel, sum) in (0..).zip(&mut sums) {
             let (_, _, number) = self.allocation.place(tile, pixel);
             let count = f64::from(self.allocation.counts[number]);
@@ -359,6 +402,15 @@ impl<K: Intersector> Tracer<'_, K> {
             *correction = (*sum - *correction) / count;
             *sum /= count;
         }
-        ([sums, corrections], samples)
+        // Sort the samples by the fragments that they show
+        let count = fragments.map_or(0, |it| it.count);
+        let mut sorted = vec![Samples::default(); count];
+        for (sample, parts) in samples.iter().zip(parts) {
+            let Some(fragment) = sample.fragment else { continue };
+            let (sums, count) = &mut sorted[fragment as usize];
+            *sums = [0, 1].map(|part| sums[part] + parts[part]);
+            *count += 1;
+        }
+        TileSamples { means: sums, corrections, sorted, samples }
     }
 }

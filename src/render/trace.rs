@@ -15,7 +15,7 @@ use crate::analysis::background::TileContent;
 use crate::bvh::{BEAM, Bvh, GROUND, Hit, Intersector, NONE};
 use crate::camera::typed;
 use crate::film::Film;
-use crate::integrator::gather::{Gather, Learnt, Tracer};
+use crate::integrator::gather::{Gather, Learnt, TileSamples, Tracer};
 use crate::integrator::{Integrator, PathEvent, PathTracer};
 use crate::integrator::{ROULETTE_THRESHOLD, SingleProcess, gather};
 use crate::sampler::sobol::scramble_key;
@@ -204,10 +204,11 @@ fn trace_gather(
     let count = allocation.counts[allocation.place(tile, place).2];
     let scramble = number / u64::from(count);
     let number = (number % u64::from(count)) as u32;
-    let mut tracer =
-        Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (parts, samples) = tracer.samples(tile, scramble);
-    let [value, correction] = parts.map(|part| part[place as usize]);
+    let mut tracer = Tracer::new(gather, intersector, cache, allocation);
+    let TileSamples { means, corrections, samples, .. } =
+        tracer.tile(tile, scramble);
+    let [value, correction] =
+        [means, corrections].map(|part| part[place as usize]);
     let whole = Scramble { number: scramble, count, value, correction };
     let mut trace = SampleTrace { value, ..SampleTrace::default() };
     trace.scramble = Some(whole);

@@ -154,6 +154,12 @@ impl Entrance {
         Some(Ray { origin: point.clamp(low, high), direction })
     }
 
+    /// The point of the scene's box that is nearest to it.
+    pub fn nearest(&self) -> DVec3 {
+        let [low, high] = self.bounds;
+        shift(self.origin, self.k).clamp(low, high)
+    }
+
     /// Where the point lies among the triangles; none if it is more than
     /// 2^32 units away.
     pub fn place(&self) -> Option<DVec3> {

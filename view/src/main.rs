@@ -40,7 +40,7 @@ use litpt::cli::{progress, watchdog};
 use litpt::compare::display::auto_stops;
 use litpt::error::{Error, Result};
 use litpt::film::{Film, NEIGHBOUR_WEIGHT, Watch};
-use litpt::filter::{Filtered, FirstHits, surface_means};
+use litpt::filter::{Filtered, fragments, surface_means};
 use litpt::host::{Event, Host, Interrupt};
 use litpt::inputs::Inputs;
 use litpt::integrator::gather::Learnt;
@@ -526,15 +526,17 @@ impl Viewer {
             sampler: IndependentSampler::new(0),
         };
         let (width, height) = view.resolution;
-        let mut film = Film::new(width, height).with_halves();
+        let film = Film::new(width, height);
+        let windows = (film.window, film.window);
+        let shown = fragments(&world.bvh, &view, windows);
+        let mut film = film.with_halves(Some(shown.into()));
         job.pass(&mut film, spp, watch);
         if film.unsampled() == 0 {
             guess.mean = film.summary().mean;
-            let hits = FirstHits::trace(&world.bvh, &view, film.window);
             let stops = auto_stops(surface_means(&world.bvh, &view, &film));
             let about =
                 json!({ "spp": spp, "moves": true, "stops": stops });
-            self.send_image(&film, &hits, about);
+            self.send_image(&film, about);
             let samples = (film.area() * spp) as f64;
             guess.pace = began.elapsed().as_secs_f64() / samples;
         }
@@ -554,7 +556,6 @@ impl Viewer {
         let interrupt = Some(&self.interrupt);
         let limits = Limits { interrupt, ..run.limits() };
         let (bvh, view) = (&world.bvh, &world.view());
-        let hits = FirstHits::trace(bvh, view, film.window);
         // Send an image after each step
         let mut due = Instant::now();
         let mut send = |run: &Convergence, film: &Film, is_last: bool| {
@@ -572,7 +573,7 @@ impl Viewer {
                     "done": is_last,
                     "stops": auto_stops(surface_means(bvh, view, film)),
                 });
-                self.send_image(film, &hits, about);
+                self.send_image(film, about);
                 due = Instant::now() + 4 * began.elapsed();
             }
         };
@@ -590,8 +591,8 @@ impl Viewer {
     }
 
     /// Sends an image, and what is said about it.
-    fn send_image(&self, film: &Film, hits: &FirstHits, mut about: Value) {
-        let filtered = Filtered::of(film, hits);
+    fn send_image(&self, film: &Film, mut about: Value) {
+        let filtered = Filtered::of(film);
         let means: Vec<f64> = film.means().collect();
         let mut numbers =
             filtered.map_or_else(|| means.clone(), |it| it.image.means);

@@ -100,8 +100,7 @@ fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
     let window = Window { corner: (0, 0), size: RESOLUTION };
     let allocation = &Allocation::even(window);
     let cache = &RadianceCache::empty(Grid::around(&[]));
-    let prototype =
-        Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let prototype = Tracer::new(gather, intersector, cache, allocation);
     let (cache, _) = &train(&prototype, &|_| true).ok_or("stopped")?;
     let prototype = &Tracer { cache, ..prototype };
     // Draw what is learnt

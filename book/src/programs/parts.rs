@@ -237,7 +237,7 @@ impl Stage {
             let FilmTile { tile, pixels, mut mean, .. } = part;
             let mut tracer = tracer(gather, cache, allocation);
             for scramble in 0..scrambles {
-                let [values, _] = tracer.tile(tile, scramble);
+                let values = tracer.tile(tile, scramble).means;
                 if let Some(mean) = &mut mean {
                     let sum: f64 = values.iter().sum();
                     mean.add(sum / values.len() as f64);

@@ -6,8 +6,9 @@
 use std::iter;
 
 use super::*;
-use litpt::film::{FilmTile, add_value};
+use litpt::film::{FilmTile, HalfBuffers, add_samples};
 use serde_json::{from_value, json};
+use std::slice::from_mut;
 
 const WINDOWS: [&str; 4] =
     ["0,0,150x70", "5,9,100x33", "15,15,2x2", "3,64,1x1"];
@@ -27,6 +28,16 @@ fn run_key(case: usize) -> RunKey {
     from_value(key).unwrap()
 }
 
+/// The same empty film, each of whose pixels shows one surface.
+fn with_surfaces(mut film: Film) -> Film {
+    let area = |part: FilmTile| part.pixels.len();
+    let areas: Vec<_> = film.tiles().into_iter().map(area).collect();
+    for (halves, area) in film.halves.iter_mut().zip(areas) {
+        halves.resize(area, HalfBuffers::default());
+    }
+    film
+}
+
 /// Takes some tiles of a film to so many samples: replicates that are the
 /// same wherever they are rendered.
 fn fill(film: &mut Film, end: u64, tiles: usize) {
@@ -41,7 +52,8 @@ fn fill(film: &mut Film, end: u64, tiles: usize) {
                 let value = f64::from(x) / 7. + f64::from(y) / 11. + k / 3.;
                 pixel.add(value);
                 if let Some(halves) = halves.get_mut(i as usize) {
-                    add_value(halves, k as u64, [value, 1.]);
+                    let samples = [([value, 1.], 1)];
+                    add_samples(from_mut(halves), k as u64, &samples);
                 }
             }
         }
@@ -61,7 +73,7 @@ fn pieces_in_any_order_make_the_film_of_one_pass() {
     let state = &mut 1;
     for case in 0..320 {
         let run_key = run_key(case);
-        let mut film = run_key.film();
+        let mut film = with_surfaces(run_key.film());
         fill(&mut film, 20, case % 7);
         let mut expected = film.clone();
         let end = 1 + random(state, 90) as u64;
@@ -79,7 +91,8 @@ fn pieces_in_any_order_make_the_film_of_one_pass() {
         while !pieces.is_empty() {
             let k = random(state, pieces.len());
             let Piece { window, first, samples } = pieces.swap_remove(k);
-            let mut film = run_key.film_of(window, first);
+            let film = run_key.film_of(window, first);
+            let mut film = with_surfaces(film);
             fill(&mut film, samples, usize::MAX);
             let part = Part { film, rays: 7, share: RankStats::default() };
             let part = Part::from_bytes(&part.to_bytes(), &run_key);

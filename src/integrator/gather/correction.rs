@@ -28,6 +28,7 @@ impl<K: Intersector> Tracer<'_, K> {
         samples: &[Sample],
         random: &mut Pcg64,
         sums: &mut [f64],
+        parts: &mut [[f64; 2]],
     ) {
         let Some(correction) = self.gather.correction else { return };
         // Divide the samples into groups
@@ -40,7 +41,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let groups: Vec<Vec<usize>> = (0..count).map(every).collect();
         let tracer = self;
         let mut corrector =
-            Corrector { tracer, correction, samples, random, sums };
+            Corrector { tracer, correction, samples, random, sums, parts };
         groups.iter().for_each(|group| corrector.correct(group));
     }
 }
@@ -53,6 +54,8 @@ struct Corrector<'c, 't, K> {
     random: &'c mut Pcg64,
     /// Those of the pixels of the tile.
     sums: &'c mut [f64],
+    /// What is gathered and corrected of each sample.
+    parts: &'c mut [[f64; 2]],
 }
 
 impl<K: Intersector> Corrector<'_, '_, K> {
@@ -111,11 +114,13 @@ impl<K: Intersector> Corrector<'_, '_, K> {
             self.form_factor(hit, y, i == k) * (albedo / most)
         };
         let factors: Vec<f64> = group.iter().map(factor).collect();
-        let seen = || group.iter().map(|&i| &samples[i]).zip(&factors);
-        let density: f64 = seen().map(|(x, f)| f / x.scale).sum();
+        let seen = || group.iter().zip(&factors);
+        let density: f64 = seen().map(|(&i, f)| f / samples[i].scale).sum();
         if density > 0. {
-            for (x, factor) in seen() {
-                self.sums[x.pixel as usize] += total * *factor / density;
+            for (&i, factor) in seen() {
+                let more = total * *factor / density;
+                self.sums[samples[i].pixel as usize] += more;
+                self.parts[i][1] += more;
             }
         }
     }

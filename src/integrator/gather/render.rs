@@ -11,9 +11,9 @@ use rayon::prelude::*;
 
 use super::cache::{Grid, RadianceCache};
 use super::training::{PILOT_SAMPLES, allocate, train};
-use super::{Allocation, Gather, Learnt, Tracer};
+use super::{Allocation, Gather, Learnt, TileSamples, Tracer};
 use crate::bvh::{Dispatch, Intersector};
-use crate::film::{Film, FilmTile, Watch, add_value};
+use crate::film::{Film, FilmTile, Watch, add_samples};
 use crate::integrator::Renderer;
 use crate::sampler::split_mix;
 
@@ -62,8 +62,7 @@ impl Dispatch for Learn<'_> {
         let (correction, learnt) = (None, Arc::default());
         let gather = &Gather { seed, correction, learnt, ..*gather };
         let allocation = &Allocation::even(film.run_window);
-        let prototype =
-            Tracer { gather, intersector, cache, allocation, rays: 0 };
+        let prototype = Tracer::new(gather, intersector, cache, allocation);
         let (cache, rays) = train(&prototype, watch)?;
         let prototype = Tracer { cache: &cache, ..prototype };
         let (allocation, traced) = allocate(&prototype, film, watch)?;
@@ -87,28 +86,23 @@ impl Dispatch for Pass<'_> {
     fn with<K: Intersector>(self, intersector: &K) -> u64 {
         let Self { gather, learnt, film, end, watch } = self;
         let Learnt { cache, allocation } = learnt;
-        let prototype =
-            Tracer { gather, intersector, cache, allocation, rays: 0 };
+        let prototype = Tracer::new(gather, intersector, cache, allocation);
         let net_size = film.net_size;
         let first = film.sample_offset / net_size;
         let end = end.div_ceil(net_size);
         // Render a tile and count its rays
         let render = |part: FilmTile| {
-            let FilmTile { tile, pixels, mut mean, halves } = part;
-            let mut tracer = Tracer { ..prototype };
+            let FilmTile { tile, pixels, mut mean, halves, fragments } =
+                part;
+            let mut tracer = Tracer { fragments, ..prototype };
             for scramble in pixels[0].count()..end {
                 if !watch(0) {
                     break;
                 }
                 let number = first + scramble;
-                let [values, corrections] = tracer.tile(tile, number);
-                let parts = values.iter().zip(&corrections);
-                for (halves, (value, correction)) in
-                    halves.iter_mut().zip(parts)
-                {
-                    let parts = [value - correction, *correction];
-                    add_value(halves, number, parts);
-                }
+                let TileSamples { means: values, sorted, .. } =
+                    tracer.tile(tile, number);
+                add_samples(halves, number, &sorted);
                 let tile_mean =
                     values.iter().sum::<f64>() / values.len() as f64;
                 mean.iter_mut().for_each(|mean| mean.add(tile_mean));

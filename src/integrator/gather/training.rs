@@ -196,7 +196,7 @@ pub fn allocate<K: Intersector>(
             && watch(tracer.rays - reported)
         {
             reported = tracer.rays;
-            let [values, _] = tracer.tile(tile, scramble);
+            let values = tracer.tile(tile, scramble).means;
             pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
         }
         let found = pixels.iter().map(|p| [p.mean(), p.variance()]);
