@@ -98,7 +98,7 @@ impl<'a> Filter<'a> {
             places.zip(halves).for_each(|(f, halves)| sums[f] = *halves);
         }
         // Weigh each fragment by its coverage, if a half has samples
-        let spp = (film.samples() as f32 / 2.).max(1.);
+        let spp = film.samples() as f32 / 2.;
         let part = |(fragment, sums): (&Fragment, &HalfBuffers),
                     term: usize| {
             let count = Vec2::from(sums.map(|half| half[2] as f32));
@@ -488,10 +488,13 @@ pub struct PictureError {
 }
 
 impl Filtered {
-    /// Filters the image on a film; none if it has no fragments, or no pixel has
-    /// samples of its own in both halves.
+    /// Filters the image on a film; none if it has no fragments, a half of a
+    /// tile has no samples, or no pixel has samples of all that it shows.
     pub fn of(film: &Film) -> Option<Self> {
         let shown = film.fragments.as_deref()?;
+        if film.samples() < 2 * film.net_size {
+            return None;
+        }
         let (filter, gathered, corrected) = Filter::new(film, shown);
         if filter.whole.iter().all(Option::is_none) {
             return None;

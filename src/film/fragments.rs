@@ -57,9 +57,10 @@ impl Fragment {
 /// to in angle.
 pub(crate) fn best_of(all: &[Fragment], seen: &Fragment) -> Option<usize> {
     let score = |it: &Fragment| {
-        let to = (seen.point - it.point).normalize_or_zero();
-        let angles =
-            it.normal.dot(seen.normal) - 3. * it.normal.dot(to).abs();
+        let to = seen.point - it.point;
+        let length = to.length().max(f32::MIN_POSITIVE);
+        let sine = it.normal.dot(to).abs() / length;
+        let angles = it.normal.dot(seen.normal) - 3. * sine;
         angles + if it.is_like(seen) { 10. } else { 0. }
     };
     let scores = all.iter().map(score).enumerate();
