@@ -156,7 +156,7 @@ fn a_vector_may_begin_with_a_minus_sign() {
     let wide = ["-t", "1, 2, 3", "-r70%", "--ground=20%"];
     let plain = ["-t1,2,3", "-r0.7", "--ground=0.2"];
     assert_eq!(saved(&wide), saved(&plain));
-    assert!(parsed(&["--band=r"]).surfaces.materials);
+    assert_eq!(parsed(&["--band=r"]).surfaces.materials, Some(true));
     let part = parsed(&["-d45x37", "--crop=17,5,20x30"]);
     let part = part.camera().unwrap().window();
     assert_eq!(part, Window { corner: (17, 5), size: (20, 30) });
@@ -455,7 +455,9 @@ fn a_view_from_outside_shows_the_whole_box() {
         let zero = DVec3::ZERO;
         let view = View { position: zero, target: zero, up, fov };
         let from = SIDES[case as usize % 6];
-        let view = view.outside(from, up, corners.iter(), aspect).unwrap();
+        let view = view
+            .outside((from, [0.; 2]), up, corners.iter(), aspect)
+            .unwrap();
         let camera = Camera::new(&view, aspect).unwrap();
         let edges = [(0., 0.), (1., 0.), (1., 1.), (0., 1.), (0., 0.)];
         let edges = edges.map(|(x, y)| camera.direction(x, y));
