@@ -61,8 +61,8 @@ pub struct SceneOptions {
     pub input: Option<PathBuf>,
 
     /// Albedo of all surfaces, between 0 and 1, or of a material, group or
-    /// object of the file, as in floor=0.2; may be repeated [default: 1; of
-    /// pictures alone, the materials of the file, or 0.7]
+    /// object of the file, as in floor=0.2; may be repeated [default: 1];
+    /// pictures alone have the materials of the file, or 0.7
     #[arg(short = 'r', long = "albedo", visible_alias = "reflectivity",
           value_name = "[NAME=]ALBEDO", value_parser = parse_named_albedo)]
     pub albedos: Vec<(String, f64)>,
@@ -88,8 +88,8 @@ pub struct SceneOptions {
     #[arg(long, value_name = "X,Y,Z|x|y|z", value_parser = parse_direction)]
     pub zenith: Option<DVec3>,
 
-    /// Albedo of an endless ground below the scene [default: none; of pictures
-    /// alone, 0.3]
+    /// Albedo of an endless ground below the scene [default: none]; pictures alone
+    /// have one of 0.3, and 0 hides it
     #[arg(long, value_name = "ALBEDO", value_parser = parse_albedo)]
     pub ground: Option<f64>,
 }
@@ -112,13 +112,14 @@ pub struct SensorOptions {
     pub target: Option<DVec3>,
 
     /// Up axis of the camera; its largest component tells where the sky is,
-    /// unless --zenith does [default: 0,0,1; of pictures alone, y if it looks so]
+    /// unless --zenith does [default: 0,0,1]; pictures alone have the one that
+    /// looks so
     #[arg(short, long, value_name = "X,Y,Z|x|y|z",
           value_parser = parse_direction)]
     pub up: Option<DVec3>,
 
     /// Vertical field of view in degrees, strictly between 0 and 180
-    /// [default: 70; of pictures alone, from outside, 35]
+    /// [default: 70]; pictures alone, from outside, have 35
     #[arg(short = 'F', long, value_name = "DEGREES",
           value_parser = only(parse_real, |&x| x > 0. && x < 180., ANGLE))]
     pub fov: Option<f64>,
@@ -179,9 +180,9 @@ pub struct SensorOptions {
 #[group(skip)]
 #[command(next_help_heading = "Samples and when to stop")]
 pub struct LimitOptions {
-    /// Samples (paths) per pixel [default: 1; of pictures alone, until their
-    /// error is 1 % of the mean, at most 10 s] or receiver [default: 1024]; an
-    /// upper bound with --time or --error
+    /// Samples (paths) per pixel [default: 1] or receiver [default: 1024]; an
+    /// upper bound with --time or --error; pictures alone go on until their error
+    /// is 1 % of the mean, at most 10 s
     #[arg(short = 'n', long = "spp", visible_alias = "realisations",
           value_name = "N",
           value_parser = only(parse_whole, |&n| n > 0, SAMPLES))]

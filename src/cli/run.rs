@@ -24,7 +24,7 @@ use super::watchdog::{Watchdog, hard_deadline, listen, status};
 use crate::analysis::Finding;
 use crate::camera::{Camera, direction};
 use crate::error::Result;
-use crate::film::Film;
+use crate::film::{Film, Summary};
 use crate::filter::Filtered;
 use crate::host::Host;
 use crate::image::{Format, Image};
@@ -338,8 +338,11 @@ fn render(
 /// The error of the picture on a film, in units of the mean of what is not
 /// sky, if it is known.
 fn picture_error(film: &Film) -> Option<f64> {
+    let Some(shown) = film.fragments.as_deref() else {
+        let Summary { mean, rmse, .. } = film.summary();
+        return Some(rmse / mean).filter(|error| error.is_finite());
+    };
     let Filtered { image, error } = Filtered::of(film)?;
-    let shown = film.fragments.as_deref()?;
     let sky: f64 = shown.sky.iter().copied().map(f64::from).sum();
     let light = image.means.iter().sum::<f64>() - sky;
     Some(error.rmse * shown.opacity().iter().sum::<f64>() / light)
