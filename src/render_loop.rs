@@ -21,6 +21,9 @@ use crate::render::choose::{MIN_PATHS, samples_to_error};
 use crate::render::{RankStats, Renderer};
 use serde::{Deserialize, Serialize};
 
+/// Finds the error of the picture that a film holds, if it is known.
+pub type Judge = fn(&Film) -> Option<f64>;
+
 /// When a run stops, and what it is compared with.
 #[derive(Clone, Copy, Default)]
 pub struct Limits<'a> {
@@ -37,8 +40,8 @@ pub struct Limits<'a> {
     pub error: Option<f64>,
     /// Which error that is.
     pub norm: ErrorNorm,
-    /// The error of the picture to reach, and what finds it, if it is known.
-    pub picture: Option<(f64, fn(&Film) -> Option<f64>)>,
+    /// The error of the picture to reach, and what finds it.
+    pub picture: Option<(f64, Judge)>,
     /// Stops the run when a signal arrives.
     pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
