@@ -5,6 +5,7 @@
 //! method, and its renderer.
 
 use std::fmt;
+use std::ops::Not;
 use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
@@ -66,6 +67,9 @@ pub struct Sampling {
     #[serde(rename = "measure")]
     #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
     pub norm: ErrorNorm,
+    /// Of a gather, whether the error of the cache stays in its values.
+    #[serde(default, skip_serializing_if = "Not::not")]
+    pub biased: bool,
 }
 
 /// The pixels of a window.
@@ -110,8 +114,8 @@ impl Sampling {
             Method::Sobol => (together(least, most), 0),
             Method::Gather => (together(16, gathered), trained),
         };
-        let (control, norm) = (0, ErrorNorm::default());
-        Self { method, seed, net_size, training, control, norm }
+        let (control, norm, biased) = (0, ErrorNorm::default(), false);
+        Self { method, seed, net_size, training, control, norm, biased }
     }
 
     /// The same film, which has no sample, for these samples.
@@ -187,7 +191,7 @@ impl<'a> Setup<'a> {
             known_pixels: &self.analysis.known_pixels,
             seed: sampling.seed,
             training: sampling.training,
-            correction: Some(Correction::default()),
+            correction: (!sampling.biased).then(Correction::default),
             learnt,
             communicator,
         }
