@@ -158,38 +158,63 @@ pub enum Viewpoint {
     Iso,
 }
 
+/// The vector `from`, turned by so many degrees towards another.
+fn turned(from: DVec3, to: DVec3, degrees: f64) -> DVec3 {
+    let aside = to.reject_from(from).normalize() * from.length();
+    let angle = degrees.to_radians();
+    from * libm::cos(angle) + aside * libm::sin(angle)
+}
+
 impl Viewpoint {
-    /// Where it is, seen from the scene, and the up axis of its camera, which
-    /// is `up` if that is of use.
-    fn axes(self, zenith: DVec3, up: DVec3) -> [DVec3; 2] {
+    /// Where it is, seen from the scene, if it is turned counter-clockwise
+    /// about the zenith and raised by so many degrees; and the up axis of its
+    /// camera, which is `up` if that is of use.
+    fn axes(
+        self,
+        [turn, rise]: [f64; 2],
+        zenith: DVec3,
+        up: DVec3,
+    ) -> [DVec3; 2] {
         let is_y_up = zenith.y.abs() > zenith.z.abs().max(zenith.x.abs());
         let front = if is_y_up { DVec3::Z } else { -DVec3::Y };
         let front = front.reject_from(zenith).normalize();
+        let front = turned(front, zenith.cross(front), turn);
         let right = zenith.cross(front);
+        let [away, over, up] = match self {
+            Self::Front => [front, zenith, up],
+            Self::Back => [-front, zenith, up],
+            Self::Left => [-right, zenith, up],
+            Self::Right => [right, zenith, up],
+            Self::Top => [zenith, -front, -front],
+            Self::Iso => [1.5 * front + right + zenith, zenith, up],
+        };
+        [turned(away, over, rise), up]
+    }
+
+    /// How many degrees it is above the horizon.
+    pub fn altitude(self) -> f64 {
         match self {
-            Self::Front => [front, up],
-            Self::Back => [-front, up],
-            Self::Left => [-right, up],
-            Self::Right => [right, up],
-            Self::Top => [zenith, -front],
-            Self::Iso => [1.5 * front + right + zenith, up],
+            Self::Top => 90.,
+            Self::Iso => libm::atan(1. / 3.25_f64.sqrt()).to_degrees(),
+            _ => 0.,
         }
     }
 }
 
 impl View {
     /// The view with this field of view that shows all of some points from
-    /// a side, in images of the ratio width/height, if there is one.
+    /// a side, turned and raised by so many degrees, in images of the ratio
+    /// width/height, if there is one.
     pub fn outside<'a>(
         &self,
-        from: Viewpoint,
+        (from, angles): (Viewpoint, [f64; 2]),
         zenith: DVec3,
         points: impl Iterator<Item = &'a DVec3> + Clone,
         aspect: f64,
     ) -> Option<Self> {
         let (low, high) = bounds(points.clone().copied());
         let target = 0.5 * low + 0.5 * high;
-        let [away, up] = from.axes(zenith, self.up);
+        let [away, up] = from.axes(angles, zenith, self.up);
         let size = (high - low).max_element();
         let position = target + size * away;
         let view = Self { position, target, up, ..*self };

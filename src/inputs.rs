@@ -88,7 +88,7 @@ impl Inputs {
             inputs.sha256 = sha256(&bytes);
         }
         drop(bytes);
-        if plan.surfaces.materials {
+        if plan.surfaces.materials != Some(false) {
             inputs.materials = materials(plan, &inputs.mesh, host)?;
         }
         inputs.seconds = began.elapsed().as_secs_f64();
@@ -171,9 +171,15 @@ fn materials(
     let albedos = in_first_rank(host, || {
         let folder = plan.scene.parent().unwrap_or(Path::new(""));
         let file = (&*plan.scene_name(), folder);
-        let (albedos, warnings) =
-            libraries(&mesh.marks, file, plan.surfaces.band)?;
-        host.warn_all("", warnings);
+        let is_asked = plan.surfaces.materials == Some(true);
+        let found = libraries(&mesh.marks, file, plan.surfaces.band);
+        let (albedos, warnings) = match found {
+            Err(_) if !is_asked => Default::default(),
+            found => found?,
+        };
+        if is_asked || !albedos.is_empty() {
+            host.warn_all("", warnings);
+        }
         Ok(albedos)
     })?;
     Ok(albedos)

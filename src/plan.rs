@@ -38,6 +38,7 @@ use crate::film::{MAX_SIDE, SIDE, Window};
 use crate::image::Format;
 use crate::key::{Part, whole_window};
 use crate::materials::Band;
+use crate::output::descriptor;
 pub use crate::render::choose::Budget;
 use crate::render::choose::{Method, default_samples};
 use crate::report::Kind;
@@ -93,7 +94,7 @@ impl Default for Plan {
             surfaces: SurfacePlan {
                 albedo: 1.,
                 named: vec![],
-                materials: false,
+                materials: Some(false),
                 band: None,
             },
             sky: SkyPlan {
@@ -153,8 +154,9 @@ pub struct CameraPlan {
 pub enum Stand {
     /// At a position, looking at a target.
     At(DVec3, DVec3),
-    /// Outside, on a side from which it shows all of the scene.
-    Outside(Viewpoint),
+    /// Outside, on a side from which it shows all of the scene, turned
+    /// counter-clockwise about the zenith and raised by so many degrees.
+    Outside(Viewpoint, [f64; 2]),
 }
 
 impl Default for CameraPlan {
@@ -162,7 +164,7 @@ impl Default for CameraPlan {
         Self {
             resolution: (320, 240),
             crop: None,
-            stand: Stand::Outside(Viewpoint::Iso),
+            stand: Stand::Outside(Viewpoint::Iso, [0.; 2]),
             fov: 70.,
             background: None,
         }
@@ -191,7 +193,7 @@ impl CameraPlan {
     pub fn view(&self, up: DVec3) -> View {
         let (position, target) = match self.stand {
             Stand::At(position, target) => (position, target),
-            Stand::Outside(_) => (DVec3::ZERO, DVec3::Y),
+            Stand::Outside(..) => (DVec3::ZERO, DVec3::Y),
         };
         View { position, target, up, fov: self.fov }
     }
@@ -204,8 +206,9 @@ pub struct SurfacePlan {
     pub albedo: f64,
     /// Albedos of materials, groups and objects by name.
     pub named: Vec<(String, f64)>,
-    /// Whether materials have the albedos of their libraries.
-    pub materials: bool,
+    /// Whether materials have the albedos of their libraries; none if they
+    /// have them where these can be read.
+    pub materials: Option<bool>,
     /// The band of them that is taken; none for the luminance.
     pub band: Option<Band>,
 }
@@ -264,6 +267,10 @@ pub struct Outputs {
     pub exposure: Option<Exposure>,
     /// Whether pictures are filtered.
     pub filter: bool,
+    /// The root mean square error of the picture, in units of the mean of
+    /// what is not sky, at which the run ends.
+    #[serde(default)]
+    pub picture_error: Option<f64>,
 }
 
 impl Default for Outputs {
@@ -276,6 +283,7 @@ impl Default for Outputs {
             preview: false,
             exposure: None,
             filter: true,
+            picture_error: None,
         }
     }
 }
@@ -337,6 +345,19 @@ impl Plan {
             SensorPlan::Points(path) => Some(path),
             _ => None,
         }
+    }
+
+    /// Whether all that it asks for is pictures, in files, of a whole image
+    /// that is compared with none.
+    pub fn shows_only_pictures(&self) -> bool {
+        let is_picture = |(product, path): &(Product, PathBuf)| {
+            product.is_picture()
+                && *product != Product::Image(Format::Exr)
+                && descriptor(path).is_none()
+        };
+        let files = &self.outputs.files;
+        let is_whole = self.part.is_none() && self.reference.is_none();
+        is_whole && !files.is_empty() && files.iter().all(is_picture)
     }
 
     /// The instructions to trace rays with.

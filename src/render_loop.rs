@@ -21,6 +21,9 @@ use crate::render::choose::{MIN_PATHS, samples_to_error};
 use crate::render::{RankStats, Renderer};
 use serde::{Deserialize, Serialize};
 
+/// Finds the error of the picture that a film holds, if it is known.
+pub type Judge = fn(&Film) -> Option<f64>;
+
 /// When a run stops, and what it is compared with.
 #[derive(Clone, Copy, Default)]
 pub struct Limits<'a> {
@@ -37,6 +40,8 @@ pub struct Limits<'a> {
     pub error: Option<f64>,
     /// Which error that is.
     pub norm: ErrorNorm,
+    /// The error of the picture to reach, and what finds it.
+    pub picture: Option<(f64, Judge)>,
     /// Stops the run when a signal arrives.
     pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
@@ -137,10 +142,16 @@ pub struct Convergence {
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
+    /// The error of the picture when it was judged last, if it is known.
+    #[serde(skip)]
+    pub picture: Option<f64>,
 }
 
 /// The time that the first sample has in any case.
 const FIRST: Duration = Duration::from_millis(100);
+
+/// The seconds of a run after which its picture is judged.
+const JUDGED: f64 = 0.5;
 
 /// The longest time of a pass of more than one sample, in seconds, unless
 /// it costs too much.
@@ -173,6 +184,7 @@ impl Convergence {
         (self.stopped, self.ranks) = (None, vec![]);
         let (start, before) = (limits.now(), self.seconds);
         let spent = self.processor_seconds.unwrap_or(0.);
+        let mut next_judged = JUDGED;
         // Watch for signals and for the end of the time
         let (area, first) = (film.area(), start + FIRST);
         let goes_on = |paths: u64| {
@@ -222,6 +234,9 @@ impl Convergence {
             if self.spp >= due {
                 self.record(film, limits);
             }
+            if self.seconds >= next_judged {
+                next_judged = self.judge(film, limits);
+            }
             after(self, film);
         }
     }
@@ -265,6 +280,21 @@ impl Convergence {
         Some(samples_to_error(limits.error?, (spp, last), area))
     }
 
+    /// Finds the error of the picture, if there is one to reach and time for
+    /// it, and returns the seconds of the run at which to do so again.
+    fn judge(&mut self, film: &Film, limits: &Limits) -> f64 {
+        let Some((goal, error)) = limits.picture else { return f64::MAX };
+        let began = limits.now();
+        let most = Duration::from_secs_f64(limits.reserve[1].max(0.));
+        if limits.end(1.).is_some_and(|end| began + most > end) {
+            return f64::MAX;
+        }
+        self.picture = error(film);
+        let took = (limits.now() - began).as_secs_f64();
+        let excess = self.picture.map_or(2., |error| error / goal);
+        self.seconds * (excess * excess).clamp(1.2, 2.) + 2. * took
+    }
+
     /// Why the run should stop now, if it should; the first sample has time
     /// until `first`.
     fn stop(
@@ -304,10 +334,12 @@ impl Convergence {
         let unseen = 3. / (paths * self.spp as f64);
         let is_recent = step.spp == self.spp && paths >= MIN_PATHS;
         let errors = limits.error.zip(step.judged(limits.norm));
-        is_recent
-            && errors.is_some_and(|(target, rmse)| {
-                rmse * rmse + unseen <= target * target
-            })
+        let picture = limits.picture.zip(self.picture);
+        picture.is_some_and(|((target, _), error)| error <= target)
+            || is_recent
+                && errors.is_some_and(|(target, rmse)| {
+                    rmse * rmse + unseen <= target * target
+                })
     }
 
     /// Records a point, if there has been a pass since the last one.

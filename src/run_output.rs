@@ -20,7 +20,7 @@ use crate::error::Result;
 use crate::film::{Film, Fragments};
 use crate::filter::{Filtered, fragments, surface_means};
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
-use crate::key::entries;
+use crate::key::{Subject, entries};
 use crate::output::OutputTarget;
 use crate::plan::{Outputs, Product};
 use crate::render_loop::Convergence;
@@ -273,11 +273,12 @@ impl Shown<'_> {
                         None => Format::Png.write(&self.picture(), out),
                     };
                 }
+                let Subject { ground, sky, .. } = &record.run_key.subject;
+                let opacity = opacity.filter(|_| *ground != sky.background);
                 let more =
                     opacity.map(|opacity| (OPACITY, opacity.to_vec()));
                 let shown = Image { more: Vec::from_iter(more), ..shown() };
-                let background = record.run_key.subject.sky.background;
-                let cut = cut_out(shown, background.unwrap_or(0.));
+                let cut = cut_out(shown, sky.background.unwrap_or(0.));
                 let grey = tonemap(&cut, stops.unwrap_or(0.), Curve::Clamp);
                 Format::Png.write(&grey, out)
             }

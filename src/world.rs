@@ -231,7 +231,8 @@ fn named(plan: &Plan, inputs: &Inputs, host: Host) -> Named {
     let materials = inputs.materials.clone();
     let (named_albedos, band) = (surfaces.named.clone(), surfaces.band);
     let ignored = names(&inputs.mesh.marks, MarkKind::Material).count();
-    if ignored > 0 && !surfaces.materials && named_albedos.is_empty() {
+    let is_read = surfaces.materials == Some(true) || !materials.is_empty();
+    if ignored > 0 && !is_read && named_albedos.is_empty() {
         let (file, albedo) = (plan.scene_name(), surfaces.albedo);
         host.warn(format!(
             "{file}: its materials are ignored, {ignored} of them: every surface \
@@ -312,9 +313,10 @@ fn view(
     mesh: &Mesh,
 ) -> View {
     let view = camera.view(up);
-    let Stand::Outside(from) = camera.stand else { return view };
+    let Stand::Outside(from, angles) = camera.stand else { return view };
     let corners = mesh.triangles.iter().flatten();
     let points = corners.map(|&i| &mesh.vertices[i as usize]);
+    let from = (from, angles);
     let outside = view.outside(from, zenith, points, camera.aspect());
     outside.unwrap_or(view)
 }
@@ -325,11 +327,14 @@ fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
     if plan.camera().is_none_or(CameraPlan::is_placed) {
         return;
     }
-    let View { position, target, up, .. } = framing.view;
+    let View { position, target, up, fov } = framing.view;
     let [p, t, u] = [position, target, up].map(typed);
     let mut options = format!("-p {p} -t {t}");
     if up != DVec3::Z {
         options += &format!(" -u {u}");
+    }
+    if fov != CameraPlan::default().fov {
+        options += &format!(" -F {fov}");
     }
     let zenith = subject.sky.zenith;
     if zenith != Sky::new(up).zenith {

@@ -14,6 +14,7 @@ mod checkpoint;
 mod choice;
 mod common;
 mod compare;
+mod defaults;
 mod encodings;
 mod exact;
 mod examples;

@@ -39,7 +39,7 @@ fn a_summary_is_a_plain_table_of_the_end_the_image_and_the_cost() {
     let place = Scratch::new();
     let scene = format!("{} -isquare.obj -d4x3 -f", ABOVE.join(" "));
     let run = |words: &str| place.done(&format!("{scene} {words}")).stderr;
-    let table = run("-n5 -r0.5");
+    let table = run("-n5 -r0.5 -o-");
     let lines: Vec<&str> = table.lines().collect();
     let names = ["run", "image", "render", "scene", "sky"];
     assert_eq!(lines.len(), names.len(), "{table}");
@@ -72,7 +72,7 @@ fn a_summary_is_a_plain_table_of_the_end_the_image_and_the_cost() {
     assert!(!place.line("-n0").stderr.contains('\x1b'));
     assert_eq!(run("-q") + &run("--quiet -o image.png"), "");
     // An error that too few samples do not reach is told, and no failure.
-    let run = place.done("-iroom.obj -d8x6 -n2 --error=1e-9");
+    let run = place.done("-iroom.obj -d8x6 -n2 --error=1e-9 -o-");
     let line = run.stderr.lines().next().unwrap();
     assert!(line.contains("stopped by samples; 2 of 2 spp; error 0."));
     assert!(line.ends_with(", target 0.000000001 not reached"), "{line}");
@@ -176,11 +176,13 @@ fn a_terminal_shows_a_green_mark_and_a_red_error_unless_it_has_no_colour() {
 fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     let place = Scratch::new();
     let run = |words| on_a_terminal(&place, &format!("$PT {words}"));
-    let Some(text) = run("-p0,0,0 -d9x7 room.obj") else { return };
+    let Some(text) = run("-p0,0,0 -d9x7 -n1 room.obj") else { return };
     assert!(text.contains("file      room.png"), "{text}");
     place.holds_only(&["room.png"]);
     let image = place.get("room.png");
-    assert!(image == place.render("-d9x7 --format=png --exposure=auto"));
+    place.done("room.obj -d9x7 -n1 -oa.png --exposure=auto");
+    assert!(image == place.get("a.png"));
+    fs::remove_file(place.path("a.png")).unwrap();
     let again = run("-p0,0,0 -d9x7 room.obj").unwrap();
     assert!(again.contains("room.png: the file exists"), "{again}");
     // Nothing is written where nothing is rendered.
@@ -253,7 +255,7 @@ fn what_is_likely_a_mistake_is_warned_of() {
         (BOX, 1, "", None),
     ] {
         place.put("a.obj", turned(text, by));
-        let line = format!("a.obj -n1 -d8x6 -foa.png {options}");
+        let line = format!("a.obj -n1 -d8x6 -foa.pgm {options}");
         let run = place.free(&line).succeeded();
         let said = up.map(|up| format!("; but {up} looks up: -u {up}\n"));
         assert_eq!(run.stderr.contains("looks up"), said.is_some());

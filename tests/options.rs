@@ -156,7 +156,7 @@ fn a_vector_may_begin_with_a_minus_sign() {
     let wide = ["-t", "1, 2, 3", "-r70%", "--ground=20%"];
     let plain = ["-t1,2,3", "-r0.7", "--ground=0.2"];
     assert_eq!(saved(&wide), saved(&plain));
-    assert!(parsed(&["--band=r"]).surfaces.materials);
+    assert_eq!(parsed(&["--band=r"]).surfaces.materials, Some(true));
     let part = parsed(&["-d45x37", "--crop=17,5,20x30"]);
     let part = part.camera().unwrap().window();
     assert_eq!(part, Window { corner: (17, 5), size: (20, 30) });
@@ -432,6 +432,53 @@ const SIDES: [Viewpoint; 6] = {
     [Front, Back, Left, Right, Top, Iso]
 };
 
+/// A camera that is turned and raised is where spherical coordinates say.
+#[test]
+fn a_view_is_turned_and_raised_by_angles() {
+    let view = |words: &str, up: DVec3| {
+        let plan = parsed(&["--view", words]);
+        let camera = plan.camera().unwrap();
+        let Stand::Outside(side, by) = camera.stand else { panic!() };
+        let corners = [DVec3::ZERO, DVec3::ONE];
+        let from = View { up, ..camera.view(up) };
+        from.outside((side, by), up, corners.iter(), 1.).unwrap()
+    };
+    let away = |words: &str, up: DVec3| {
+        let view = view(words, up);
+        (view.position - view.target).normalize()
+    };
+    let sin = |degrees: f64| degrees.to_radians().sin();
+    let cos = |degrees: f64| degrees.to_radians().cos();
+    for (turn, rise) in [(20., 10.), (-130., -60.), (360., 89.), (0., 0.)] {
+        let (east, north) = (sin(turn) * cos(rise), -cos(turn) * cos(rise));
+        let z_up = DVec3::new(east, north, sin(rise));
+        let y_up = DVec3::new(east, sin(rise), -north);
+        let words = format!("front,{turn},{rise}");
+        assert!(away(&words, DVec3::Z).distance(z_up) < 1e-3, "{words}");
+        assert!(away(&words, DVec3::Y).distance(y_up) < 1e-3, "{words}");
+    }
+    let iso = DVec3::new(1., -1.5, 1.).normalize();
+    assert!(away("iso,0,0", DVec3::Z).distance(iso) < 1e-3);
+    assert_eq!(view("iso", DVec3::Z), view("iso,0,0", DVec3::Z));
+    let right = away("right", DVec3::Z);
+    assert!(away("front,90", DVec3::Z).distance(right) < 1e-3);
+    assert!(away("left,180,0", DVec3::Z).distance(right) < 1e-3);
+    // The top is lowered towards the front, which is below in its image.
+    let lowered = away("top,0,-30", DVec3::Z);
+    assert!(lowered.distance(away("front,0,60", DVec3::Z)) < 1e-3);
+    assert_eq!(view("top,90", DVec3::Z).up.round(), -DVec3::X);
+    for (words, text) in [
+        ("side", "'side' is none of front, back, left, right, top and iso"),
+        ("front,a", "'a' is not a real number"),
+        ("front,1,2,3", "expected a side and two angles at most"),
+        ("back,0,90", "raised by more than -90 and less than 90 degrees"),
+        ("iso,0,61", "raised by more than -119 and less than 61 degrees"),
+        ("top,0,1", "raised by more than -90 and less than 0 degrees"),
+    ] {
+        refused(&["--view", words], &[text]);
+    }
+}
+
 /// The four planes between the eye and the edges of the image have all
 /// corners on the side of its middle.
 #[test]
@@ -454,8 +501,13 @@ fn a_view_from_outside_shows_the_whole_box() {
         let corners: Vec<DVec3> = (0..8).map(corner).collect();
         let zero = DVec3::ZERO;
         let view = View { position: zero, target: zero, up, fov };
-        let from = SIDES[case as usize % 6];
-        let view = view.outside(from, up, corners.iter(), aspect).unwrap();
+        let side = SIDES[case as usize % 6];
+        // The top can be lowered only, and a corner raised by 61 degrees.
+        let rise = if side == Viewpoint::Top { -45. } else { 45. };
+        let turn = 400. * a.z / scale - 200.;
+        let by = [turn, rise * rng.random::<f64>()];
+        let view =
+            view.outside((side, by), up, corners.iter(), aspect).unwrap();
         let camera = Camera::new(&view, aspect).unwrap();
         let edges = [(0., 0.), (1., 0.), (1., 1.), (0., 1.), (0., 0.)];
         let edges = edges.map(|(x, y)| camera.direction(x, y));

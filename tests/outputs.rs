@@ -241,7 +241,7 @@ fn a_device_needs_no_force_and_stays_a_device() {
     for path in [&null, &full] {
         assert!(fs::metadata(path).unwrap().file_type().is_char_device());
     }
-    for words in [SMALL, "--help"] {
+    for words in [&format!("{SMALL} -o-"), "--help"] {
         let full = OpenOptions::new().write(true).open(&full);
         let mut command = place.pt(words);
         let run = outcome(command.stdout(full.unwrap()));

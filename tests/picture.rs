@@ -257,6 +257,37 @@ fn a_background_is_seen_behind_what_the_opacity_tells() {
     run.failed(2, &["cannot be used"]);
 }
 
+/// A ground goes on to a background of its own grey: the picture has neither
+/// an opacity nor a horizon, by any exposure.
+#[test]
+fn a_ground_that_is_its_background_has_no_horizon() {
+    let place = Scratch::with(
+        "a.obj",
+        "v 0 9 0\nv 1e-3 9 0\nv 0 9 1e-3\nf 1 2 3\n",
+    );
+    let view = "a.obj -p0,0,1 -t0,9,1 -d16x12 -n16 -f";
+    for cover in ["uniform", "sphere"] {
+        for exposure in ["0", "1"] {
+            let how = format!("--sky={cover} --exposure={exposure}");
+            let seamless = "--ground=0.3 --background=0.3 -oa.png -oa.exr";
+            place.done(&format!("{view} {how} {seamless}"));
+            let (kind, _, levels) = png(&place.get("a.png"));
+            assert_eq!(kind, png::ColorType::Grayscale);
+            let grey = levels[0];
+            assert!(levels.iter().all(|it| it.abs_diff(grey) <= 1));
+            let line = format!("tonemap a.exr -ob.png -f -e{exposure}");
+            place.ptimg(&line).succeeded();
+            let (kind, _, again) = png(&place.get("b.png"));
+            assert_eq!(kind, png::ColorType::Grayscale);
+            assert!(again.iter().all(|it| it.abs_diff(grey) <= 1));
+        }
+    }
+    place.done(&format!("{view} --ground=0.3 --background=0.4 -oa.png"));
+    let (kind, _, levels) = png(&place.get("a.png"));
+    assert_eq!(kind, png::ColorType::GrayscaleAlpha);
+    assert_eq!((levels[1], levels[2 * 16 * 12 - 1]), (0, 65535));
+}
+
 /// A picture of a run, and one of its EXR, are equally bright.
 #[test]
 fn automatic_exposure_has_one_definition() {
@@ -275,7 +306,8 @@ fn automatic_exposure_has_one_definition() {
         "-n16 --sky overcast -r0.2 --integrator=gather",
         "-n1 --crop 3,2,20x9",
     ] {
-        let scene = format!("-iroom.obj -d40x30 -F120 {options} -f");
+        let scene = "-iroom.obj -d40x30 -F120 -r1 --ground=0";
+        let scene = format!("{scene} {options} -f");
         place.done(&format!("{scene} -o a.exr"));
         let ours = place.done(&format!("{scene} -o a.png --exposure auto"));
         let theirs = place.ptimg("tonemap a.exr -o b.png -f -e auto");

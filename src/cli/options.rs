@@ -61,7 +61,8 @@ pub struct SceneOptions {
     pub input: Option<PathBuf>,
 
     /// Albedo of all surfaces, between 0 and 1, or of a material, group or
-    /// object of the file, as in floor=0.2; may be repeated [default: 1]
+    /// object of the file, as in floor=0.2; may be repeated [default: 1];
+    /// pictures alone have the materials of the file, or 0.7
     #[arg(short = 'r', long = "albedo", visible_alias = "reflectivity",
           value_name = "[NAME=]ALBEDO", value_parser = parse_named_albedo)]
     pub albedos: Vec<(String, f64)>,
@@ -87,7 +88,8 @@ pub struct SceneOptions {
     #[arg(long, value_name = "X,Y,Z|x|y|z", value_parser = parse_direction)]
     pub zenith: Option<DVec3>,
 
-    /// Albedo of an endless ground below the scene
+    /// Albedo of an endless ground below the scene [default: none]; pictures alone
+    /// have one of 0.3, and 0 hides it
     #[arg(long, value_name = "ALBEDO", value_parser = parse_albedo)]
     pub ground: Option<f64>,
 }
@@ -110,22 +112,25 @@ pub struct SensorOptions {
     pub target: Option<DVec3>,
 
     /// Up axis of the camera; its largest component tells where the sky is,
-    /// unless --zenith does [default: 0,0,1]
+    /// unless --zenith does [default: 0,0,1]; pictures alone have the one that
+    /// looks so
     #[arg(short, long, value_name = "X,Y,Z|x|y|z",
           value_parser = parse_direction)]
     pub up: Option<DVec3>,
 
     /// Vertical field of view in degrees, strictly between 0 and 180
-    /// [default: 70]
+    /// [default: 70]; pictures alone, from outside, have 35
     #[arg(short = 'F', long, value_name = "DEGREES",
           value_parser = only(parse_real, |&x| x > 0. && x < 180., ANGLE))]
     pub fov: Option<f64>,
 
     /// Show all of the scene from a side: front (-y, or z if y is up), back,
-    /// left, right, top or iso [default: iso, without -p and -t]
-    #[arg(long = "view", value_name = "SIDE", hide_possible_values = true,
+    /// left, right, top or iso; then, in degrees, turned counter-clockwise as seen
+    /// from above, and raised, as in front,20,10 [default: iso, without -p and -t]
+    #[arg(long = "view", value_name = "SIDE[,TURN[,RAISE]]",
+          value_parser = parse_viewpoint,
           conflicts_with_all = ["position", "target", "receivers"])]
-    pub viewpoint: Option<Viewpoint>,
+    pub viewpoint: Option<(Viewpoint, [f64; 2])>,
 
     /// Resolution of the image in pixels, each at most 16384
     /// [default: 320x240]
@@ -141,7 +146,8 @@ pub struct SensorOptions {
     pub crop: Option<Window>,
 
     /// Show a grey of this radiance behind the scene and its ground instead of the
-    /// sky, and give .png and .exr an opacity
+    /// sky, and give .png and .exr an opacity; no horizon is seen if --ground is
+    /// the same
     #[arg(long, value_name = "RADIANCE", conflicts_with = "receivers",
           value_parser = only(parse_share, |&x| x >= 0., NOT_NEGATIVE))]
     pub background: Option<f64>,
@@ -175,7 +181,8 @@ pub struct SensorOptions {
 #[command(next_help_heading = "Samples and when to stop")]
 pub struct LimitOptions {
     /// Samples (paths) per pixel [default: 1] or receiver [default: 1024]; an
-    /// upper bound with --time or --error
+    /// upper bound with --time or --error; pictures alone go on until their error
+    /// is 1 % of the mean, at most 10 s
     #[arg(short = 'n', long = "spp", visible_alias = "realisations",
           value_name = "N",
           value_parser = only(parse_whole, |&n| n > 0, SAMPLES))]
@@ -343,9 +350,11 @@ pub struct ExecutionOptions {
 const EXAMPLES: &str = "\
 A pixel is the mean radiance that arrives through it, in units of that of the
 uniform sky; the value of a receiver is the irradiance, in units of that of a
-horizontal surface in the open. Examples:
+horizontal surface in the open. Where only pictures are written, .png and
+.html, what is not said is chosen for the eye. Examples:
 
-  pt scene.obj -r 0.7 -n 64 -o a.png
+  pt scene.obj -o a.png
+  pt scene.obj -r 0.7 --view front,20,10 --ground 0.5 -n 64 -o a.png
   pt room.obj --points grid.txt --materials --sky overcast --error 1%
   pt town.obj --faces -r 0 --error 0.002 -o a.csv -o a.ply
   pt scene.obj -r 0.7 --time 60 -o a.exr

@@ -21,7 +21,7 @@ use crate::plan::{Stand, is_dash};
 use crate::render::choose::default_samples;
 use crate::report::Kind;
 use crate::sensor::table::TableFormat;
-use crate::sky::Sky;
+use crate::sky::{Cover, Sky};
 use crate::state::shards::is_state_name;
 
 /// The first option that has changed a value, if one has.
@@ -69,7 +69,12 @@ impl Options {
         self.execute(&mut plan);
         let files = self.files(&plan)?;
         match saved {
-            None => self.begin(&mut plan, files, is_terminal),
+            None => {
+                self.begin(&mut plan, files, is_terminal);
+                if plan.shows_only_pictures() {
+                    self.show(&mut plan);
+                }
+            }
             Some(_) => self.go_on(&mut plan.outputs, files),
         }
         // Refuse a plan that cannot be
@@ -95,7 +100,7 @@ impl Options {
             change.set("albedo", &mut surfaces.named, Some(named));
         }
         change.set("band", &mut surfaces.band, scene.band.map(Some));
-        let materials = scene.materials.then_some(true);
+        let materials = scene.materials.then_some(Some(true));
         change.set("materials", &mut surfaces.materials, materials);
         // Take the sky and the axis that is up
         let sky = &mut plan.sky;
@@ -137,7 +142,8 @@ impl Options {
         let placed = typed.position.or(typed.target);
         let at = placed.map(|_| Stand::At(position, target));
         change.set(moved, &mut camera.stand, at);
-        let outside = typed.viewpoint.map(Stand::Outside);
+        let outside =
+            typed.viewpoint.map(|(side, by)| Stand::Outside(side, by));
         change.set("view", &mut camera.stand, outside);
         change.set("fov", &mut camera.fov, typed.fov);
         change.set("resolution", &mut camera.resolution, typed.resolution);
@@ -206,12 +212,36 @@ impl Options {
         let Self { outputs, execution, .. } = self;
         let is_named =
             !outputs.output.is_empty() || outputs.format.is_some();
-        let shows = plan.camera().is_some() && !execution.dry_run;
+        let prints = execution.dry_run || execution.sample.is_some();
+        let shows = plan.camera().is_some() && !prints;
         if !is_named && shows && is_terminal && !is_dash(&plan.scene) {
             files[0] = (Product::Image(Format::Png), beside(&plan.scene));
             plan.outputs.exposure.get_or_insert(Exposure::Auto);
         }
         plan.outputs.files = files;
+    }
+
+    /// Takes the defaults of a run that leaves nothing but pictures.
+    fn show(&self, plan: &mut Plan) {
+        let Self { scene, sensor, limits, .. } = self;
+        let SensorPlan::Camera(camera) = &mut plan.sensor else { return };
+        if sensor.fov.is_none() && !camera.is_placed() {
+            camera.fov = 35.;
+        }
+        if scene.albedos.is_empty() && !scene.materials {
+            plan.surfaces.albedo = 0.7;
+            plan.surfaces.materials = None;
+        }
+        let sees_sky = camera.background.is_none();
+        if sees_sky && plan.sky.cover != Cover::Sphere {
+            plan.sky.ground.get_or_insert(0.3);
+        }
+        let is_limited = limits.time.is_some() || limits.error.is_some();
+        if limits.samples.is_none() && !is_limited {
+            plan.budget =
+                Budget { samples: None, time: Some(10.), error: None };
+            plan.outputs.picture_error = Some(0.01);
+        }
     }
 
     /// The files that are typed, and what they hold: first images or values,

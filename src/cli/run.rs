@@ -13,6 +13,7 @@ use std::time::Instant;
 use anstream::{AutoStream, ColorChoice};
 use clap::CommandFactory;
 use clap::builder::StyledStr;
+use glam::DVec3;
 
 use super::files;
 use super::options::{Error, Options};
@@ -21,9 +22,10 @@ use super::ranks::{Ranks, start_threads};
 use super::watchdog::without_image;
 use super::watchdog::{Watchdog, hard_deadline, listen, status};
 use crate::analysis::Finding;
-use crate::camera::Camera;
+use crate::camera::{Camera, direction};
 use crate::error::Result;
-use crate::film::Film;
+use crate::film::{Film, Summary};
+use crate::filter::Filtered;
 use crate::host::Host;
 use crate::image::{Format, Image};
 use crate::inputs::{Inputs, in_first_rank};
@@ -91,13 +93,13 @@ fn run(
     let state = resume.map(Checkpoint::of_file).transpose()?;
     let saved = state.as_ref().map(|s| s.record.plan.clone().restored());
     let is_terminal = io::stdout().is_terminal();
-    let plan = options.plan(saved.as_ref(), is_terminal)?;
+    let mut plan = options.plan(saved.as_ref(), is_terminal)?;
     let execution = &options.execution;
     progress::set_quiet(execution.quiet);
-    let shown = shown(options, &plan);
     // Watch for signals from the start
     let end = hard_deadline(&plan.budget, start);
-    let end = end.filter(|_| !execution.dry_run);
+    let picture_error = plan.outputs.picture_error;
+    let end = end.filter(|_| !execution.dry_run && picture_error.is_none());
     let watchdog = Watchdog::spawn(listen()?, end);
     let host = Host { listen: &|event| watchdog.hear(event), ranks, start };
     // Check what needs no scene, and prepare the scene
@@ -113,10 +115,15 @@ fn run(
     let directory = env::current_dir().unwrap_or_default();
     in_first_rank(host, || Ok(plan.saved(&directory)))?;
     let inputs = Inputs::read(&plan, host)?;
+    if plan.shows_only_pictures() {
+        plan.look_up(&inputs.mesh);
+    }
     let world = World::new(&plan, inputs, host)?;
     files::check_reference(&plan, reference.as_ref(), &world)?;
     // Choose how samples are made, and make them
     let history = History { state, cache };
+    let start = picture_error.map_or(start, |_| Instant::now());
+    let host = Host { start, ..host };
     let mut run = Run::after(&history, &world, &plan, host)?;
     if let Some((x, y, n)) = execution.sample {
         return Ok(answer(&run.trace_sample((x, y), n)?)?);
@@ -124,7 +131,15 @@ fn run(
     if execution.dry_run {
         return Ok(answer(&describe(&plan, &world, &run))?);
     }
-    let files = Files { targets, reference, shown };
+    if goes_unnamed(options, &plan) {
+        progress::inform(
+            "the image goes to standard output, as numbers; for a PNG say \
+             -o NAME.png",
+        );
+    }
+    let defaults = defaults(options, &plan, &world);
+    let shown = shown(options, &plan);
+    let files = Files { targets, reference, shown, defaults };
     Ok(render(run, history.state, files, ranks, &watchdog)?)
 }
 
@@ -136,6 +151,53 @@ fn shown<'a>(options: &Options, plan: &'a Plan) -> Option<&'a Path> {
     image.filter(|_| {
         outputs.output.is_empty() && options.parts.resume.is_none()
     })
+}
+
+/// Whether an image goes to standard output since nothing else is said.
+fn goes_unnamed(options: &Options, plan: &Plan) -> bool {
+    let Options { outputs, parts, .. } = options;
+    let is_said = !outputs.output.is_empty()
+        || outputs.format.is_some()
+        || parts.resume.is_some();
+    let is_image = |product| matches!(product, Product::Image(_));
+    !is_said && plan.outputs.of(is_image).any(is_dash)
+}
+
+/// What was chosen though nobody has said it, in words.
+fn defaults(
+    options: &Options,
+    plan: &Plan,
+    world: &World,
+) -> Option<String> {
+    if !plan.shows_only_pictures() {
+        return None;
+    }
+    let has_materials = !world.subject.named.materials.is_empty();
+    let albedo = match has_materials {
+        true => "albedo of the file's materials".to_owned(),
+        false => format!("albedo {}", plan.surfaces.albedo),
+    };
+    let is_guess = plan.surfaces.materials.is_none();
+    let albedo = is_guess.then(|| albedo + " (-r)");
+    let Options { sensor, scene, .. } = options;
+    let up = plan.up.filter(|&up| sensor.up.is_none() && up != DVec3::Z);
+    let up = up.map(|up| format!("up {} (-u)", direction(up)));
+    let camera = plan.camera().filter(|camera| !camera.is_placed());
+    let fov = camera.filter(|_| sensor.fov.is_none());
+    let fov = fov.map(|it| format!("field of view {} (-F)", it.fov));
+    let ground = scene.ground.xor(plan.sky.ground);
+    let ground = ground.map(|it| format!("ground {it} (--ground)"));
+    let error = plan.outputs.picture_error.zip(plan.budget.time);
+    let until = error.map(|(error, seconds)| {
+        let percent = 100. * error;
+        format!(
+            "until an error of {percent} % of the mean or {seconds} s \
+             (-n, --time, --error)"
+        )
+    });
+    let said = [up, fov, albedo, ground, until].into_iter().flatten();
+    let said = said.collect::<Vec<_>>().join(", ");
+    (!said.is_empty()).then_some(said)
 }
 
 /// Checks the camera, if the plan has placed it.
@@ -181,6 +243,8 @@ struct Files<'a> {
     reference: Option<Image>,
     /// The image that is written though it was not named.
     shown: Option<&'a Path>,
+    /// What was chosen though it was not said.
+    defaults: Option<String>,
 }
 
 /// Renders until a limit is reached, and writes the files of the run.
@@ -211,6 +275,8 @@ fn render(
     let reference = files.reference.as_ref();
     limits.reference = reference.map(|image| &image.means[..]);
     limits.interrupt = Some(&watchdog.interrupt);
+    let goal = plan.outputs.picture_error;
+    limits.picture = goal.map(|goal| (goal, picture_error as _));
     // Render, with a bar that is up to date
     let bar = render_bar(host.start, plan.budget.time);
     watchdog.renders(bar.clone());
@@ -221,7 +287,9 @@ fn render(
         let expected = spp.map(|spp| spp.saturating_mul(area));
         let paths = convergence.spp.saturating_mul(area);
         let mut text = format!("{} spp, ", convergence.spp);
-        if let Some(rmse) = convergence.last().rmse {
+        if let Some(error) = convergence.picture {
+            text += &format!("error {:.1} %, ", 100. * error);
+        } else if let Some(rmse) = convergence.last().rmse {
             text += &format!("rmse {rmse:.2e}, ");
         }
         update(&bar, (paths, expected), "paths", text);
@@ -263,8 +331,21 @@ fn render(
     if !key.only_learns() {
         warn_of_receivers(world, &film, host);
     }
-    finish(output, &film, &convergence, files.shown)?;
+    finish(output, &film, &convergence, (files.shown, files.defaults))?;
     Ok(stop)
+}
+
+/// The error of the picture on a film, in units of the mean of what is not
+/// sky, if it is known.
+fn picture_error(film: &Film) -> Option<f64> {
+    let Some(shown) = film.fragments.as_deref() else {
+        let Summary { mean, rmse, .. } = film.summary();
+        return Some(rmse / mean).filter(|error| error.is_finite());
+    };
+    let Filtered { image, error } = Filtered::of(film)?;
+    let sky: f64 = shown.sky.iter().copied().map(f64::from).sum();
+    let light = image.means.iter().sum::<f64>() - sky;
+    Some(error.rmse * shown.opacity().iter().sum::<f64>() / light)
 }
 
 /// Writes the files a last time, and prints what is to be known of the run.
@@ -272,7 +353,7 @@ fn finish(
     mut output: RunOutput,
     film: &Film,
     convergence: &Convergence,
-    shown: Option<&Path>,
+    (shown, defaults): (Option<&Path>, Option<String>),
 ) -> Result<()> {
     output.write(convergence, film, None)?;
     if output.record.run_key.only_learns() {
@@ -284,9 +365,9 @@ fn finish(
     if !progress::is_quiet() {
         let report = output.record.report.complete(film);
         let file = shown.map(|path| ("file", path.display().to_string()));
-        for (name, text) in
-            report.summary(film.area()).into_iter().chain(file)
-        {
+        let more = defaults.map(|text| ("defaults", text));
+        let lines = report.summary(film.area()).into_iter();
+        for (name, text) in lines.chain(more).chain(file) {
             progress::inform(&format!("{name:10}{text}"));
         }
     }

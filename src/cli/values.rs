@@ -6,8 +6,10 @@
 use std::num::{IntErrorKind, ParseIntError};
 use std::str::FromStr;
 
+use clap::ValueEnum;
 use glam::DVec3;
 
+use crate::camera::Viewpoint;
 use crate::film::digits;
 use crate::render::choose::Method;
 
@@ -140,6 +142,34 @@ pub fn parse_band(text: &str) -> Result<(u32, u32), &'static str> {
     pair(text, "/")
         .filter(|&(k, n)| 0 < k && k <= n)
         .ok_or("expected a number from 1 to N, a slash and N, as in 2/8")
+}
+
+/// Parses a side, and the degrees by which a camera is turned and raised.
+pub fn parse_viewpoint(
+    text: &str,
+) -> Result<(Viewpoint, [f64; 2]), String> {
+    let mut parts = text.split(',');
+    let name = parts.next().unwrap_or_default();
+    let side = Viewpoint::from_str(name, false).map_err(|_| {
+        format!("'{name}' is none of front, back, left, right, top and iso")
+    })?;
+    let angles: Result<Vec<_>, _> = parts.map(parse_real).collect();
+    let [turn, rise] = match angles?[..] {
+        [] => [0.; 2],
+        [turn] => [turn, 0.],
+        [turn, rise] => [turn, rise],
+        _ => return Err("expected a side and two angles at most".into()),
+    };
+    let low = if side == Viewpoint::Top { 0. } else { -90. };
+    let altitude = side.altitude() + rise;
+    if rise != 0. && !(low < altitude && altitude < 90.) {
+        let [low, high] = [low, 90.].map(|it| it - side.altitude());
+        return Err(format!(
+            "from {name} a camera is raised by more than {low:.0} and less \
+             than {high:.0} degrees"
+        ));
+    }
+    Ok((side, [turn, rise]))
 }
 
 /// Parses a sample: a pixel and a number.

@@ -63,7 +63,10 @@ pub fn picture(image: Image) -> Image {
         sky.and_then(|text| serde_json::from_str(text).ok());
     let mut more = image.more;
     more.retain(|(name, _)| *name == OPACITY);
-    match sky.and_then(|sky| sky.background) {
+    let ground = image.attributes.get("ground");
+    let ground = ground.and_then(|albedo| albedo.parse().ok());
+    let background = sky.and_then(|sky| sky.background);
+    match background.filter(|&grey| ground != Some(grey)) {
         Some(grey) => cut_out(Image { means, more, ..image }, grey),
         None => Image { means, more: vec![], ..image },
     }
