@@ -154,7 +154,7 @@ impl Allocation {
         Self { window, counts, scale, net }
     }
 
-    /// So many samples for each pixel.
+    /// As many samples for each pixel.
     pub fn even(window: Window, samples: u64) -> Self {
         let area = window.area();
         Self::new(window, vec![samples as u32; area], vec![1.; area])

@@ -67,9 +67,10 @@ pub struct Sampling {
     #[serde(rename = "measure")]
     #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
     pub norm: ErrorNorm,
-    /// Of a gather, whether the error of the cache stays in its values.
+    /// Whether its image is a glance, and the values of a gather keep the error
+    /// of its cache.
     #[serde(default, skip_serializing_if = "Not::not")]
-    pub biased: bool,
+    pub glance: bool,
 }
 
 /// The pixels of a window.
@@ -114,8 +115,8 @@ impl Sampling {
             Method::Sobol => (together(least, most), 0),
             Method::Gather => (together(16, gathered), trained),
         };
-        let (control, norm, biased) = (0, ErrorNorm::default(), false);
-        Self { method, seed, net_size, training, control, norm, biased }
+        let (control, norm, glance) = (0, ErrorNorm::default(), false);
+        Self { method, seed, net_size, training, control, norm, glance }
     }
 
     /// The same film, which has no sample, for these samples.
@@ -191,7 +192,7 @@ impl<'a> Setup<'a> {
             known_pixels: &self.analysis.known_pixels,
             seed: sampling.seed,
             training: sampling.training,
-            correction: (!sampling.biased).then(Correction::default),
+            correction: (!sampling.glance).then(Correction::default),
             learnt,
             communicator,
         }
