@@ -140,6 +140,17 @@ pub fn lathe(profile: &[Flat], sides: usize) -> Solid {
     sweep(&rings, &fan(circle.len()))
 }
 
+/// A moulding around a rectangle with these half sides along x and z; the
+/// profile has pairs of distance outwards and height.
+pub fn moulding(half: [f64; 2], profile: &[Flat]) -> Solid {
+    let corner = |[x, z]: [f64; 2]| -> Vec<Point> {
+        let at = |&[o, y]: &Flat| [x * (half[0] + o), y, z * (half[1] + o)];
+        profile.iter().map(at).collect()
+    };
+    let corners = [[1., 1.], [-1., 1.], [-1., -1.], [1., -1.], [1., 1.]];
+    sweep(&corners.map(corner), &[])
+}
+
 /// Writes solids as a Wavefront OBJ, one object each, five decimals.
 ///
 /// # Errors
