@@ -53,28 +53,25 @@ fn cushions(rows: &[[f64; 7]]) -> Vec<Solid> {
     rows.iter().map(one).collect()
 }
 
-/// A round rod along a path, with a radius for each of its points.
-fn rod(path: &[DVec3], radii: &[f64]) -> Solid {
-    let steps = radii.iter().enumerate();
-    let profile: Vec<_> = steps.map(|(i, &r)| [r, i as f64]).collect();
-    lathe(&profile, 8).moved(|[x, i, z]| {
-        let at = |i: f64| path[(i as usize).min(path.len() - 1)];
-        let along = at(i + 1.) - at(i - 1.);
-        let across = along.cross(DVec3::new(0.36, 0.48, 0.8)).normalize();
-        let third = across.cross(along).normalize();
-        (at(i) + x * across + z * third).into()
-    })
+/// A body of revolution: the outline has pairs of radius and height, in
+/// these units.
+fn turned(outline: &[f64], [r, h]: Flat, sides: usize) -> Solid {
+    let pairs = outline.as_chunks::<2>().0.iter();
+    let scaled: Vec<_> = pairs.map(|[x, y]| [r * x, h * y]).collect();
+    lathe(&scaled, sides)
 }
 
 /// Straight rods: each row has two ends and a radius, the outline pairs of
 /// share of the radius and of the way.
 fn rods(rows: &[[f64; 7]], outline: &[f64]) -> Vec<Solid> {
-    let pairs = outline.as_chunks::<2>().0;
     let one = |&[a, b, c, x, y, z, r]: &[f64; 7]| {
         let (from, to) = (DVec3::new(a, b, c), DVec3::new(x, y, z));
-        let path = pairs.iter().map(|p| from.lerp(to, p[1]));
-        let radii = pairs.iter().map(|p| p[0] * r);
-        rod(&path.collect::<Vec<_>>(), &radii.collect::<Vec<_>>())
+        let other = DVec3::new(0.36, 0.48, 0.8);
+        let across = (to - from).cross(other).normalize();
+        let third = across.cross(to - from).normalize();
+        turned(outline, [r, 1.], 8).moved(|[x, t, z]| {
+            (from.lerp(to, t) + x * across + z * third).into()
+        })
     };
     rows.iter().map(one).collect()
 }
@@ -83,14 +80,6 @@ fn rods(rows: &[[f64; 7]], outline: &[f64]) -> Vec<Solid> {
 fn legs([a, c]: Flat, height: f64, r: f64) -> Vec<Solid> {
     let at = |[x, z]: Flat| [x, -0.01, z, x, height, z, r];
     rods(&[[a, c], [-a, c], [-a, -c], [a, -c]].map(at), &LEG)
-}
-
-/// A body of revolution; the outline has pairs of radius and height, in
-/// parts of `r`.
-fn vessel(outline: &[f64], r: f64) -> Solid {
-    let pairs = outline.as_chunks::<2>().0.iter();
-    let scaled = pairs.map(|p| p.map(|c| c * r));
-    lathe(&scaled.collect::<Vec<_>>(), 32)
 }
 
 /// A sheet through rows of points, and through the same points moved.
@@ -110,37 +99,27 @@ fn sheet(rows: &[Vec<DVec3>], thickness: DVec3) -> Solid {
 // ---- outlines
 
 // Rods
-const LEG: [f64; 28] = [
-    0.6, 0., 0.75, 0.08, 0.6, 0.1, 0.85, 0.13, 0.6, 0.16, 0.7, 0.3, 1.,
-    0.48, 1.05, 0.58, 0.75, 0.7, 0.6, 0.73, 0.95, 0.76, 0.7, 0.79, 1.,
-    0.83, 1., 1.,
+const LEG: [f64; 24] = [
+    0.6, 0., 0.75, 0.08, 0.6, 0.1, 0.85, 0.13, 0.6, 0.16, 1., 0.48, 0.75,
+    0.7, 0.6, 0.73, 0.95, 0.76, 0.7, 0.79, 1., 0.83, 1., 1.,
 ];
 const RUNG: [f64; 10] = [0.6, 0., 0.9, 0.3, 1., 0.5, 0.9, 0.7, 0.6, 1.];
 const ROD: [f64; 4] = [1., 0., 1., 1.];
 
 // Vessels, up along the outside and down along the inside
-const BOWL: [f64; 16] = [
-    0.4, 0., 0.4, 0.06, 0.7, 0.16, 0.93, 0.36, 1., 0.6, 0.95, 0.6, 0.85,
-    0.38, 0.2, 0.12,
-];
+const BOWL: [f64; 12] =
+    [0.4, 0., 0.7, 0.16, 1., 0.6, 0.95, 0.6, 0.85, 0.38, 0.2, 0.12];
 const PLATE: [f64; 12] =
     [0.55, 0., 0.62, 0.05, 1., 0.16, 0.99, 0.19, 0.66, 0.1, 0.3, 0.07];
-const CUP: [f64; 12] =
-    [0.5, 0., 0.9, 0.4, 1., 1.6, 0.93, 1.6, 0.82, 0.4, 0.4, 0.2];
 const VASE: [f64; 20] = [
     0.5, 0., 0.85, 0.6, 1., 1.1, 0.9, 1.6, 0.55, 2.1, 0.42, 2.5, 0.6, 2.9,
     0.54, 2.9, 0.34, 2.5, 0.4, 2.1,
 ];
-const POT: [f64; 14] = [
-    0.7, 0., 0.95, 1.3, 1.05, 1.32, 1.05, 1.6, 0.95, 1.6, 0.9, 1.4, 0.1,
-    1.44,
-];
+const POT: [f64; 10] = [0.7, 0., 1., 1.3, 1., 1.6, 0.95, 1.6, 0.9, 1.44];
 
 /// A shade, down along the inside and up along the outside.
-const SHADE: [f64; 16] = [
-    0.22, 0.78, 0.5, 0.6, 0.8, 0.3, 0.97, 0., 1., 0., 0.84, 0.32, 0.53,
-    0.65, 0.2, 0.84,
-];
+const SHADE: [f64; 12] =
+    [0.22, 0.78, 0.8, 0.3, 0.97, 0., 1., 0., 0.84, 0.32, 0.2, 0.84];
 
 // ---- furniture
 
@@ -216,20 +195,6 @@ fn book([t, h, d]: Point) -> Solid {
     sweep(&[ring(0.), ring(h)], &fan(7))
 }
 
-/// A wardrobe of two doors.
-fn wardrobe() -> Vec<Solid> {
-    let mut parts = cushions(&[
-        [0., 2., 0.295, 0.38, 0.025, 0.31, 0.04],
-        [-0.03, 1., 0.605, 0.018, 0.018, 0.018, 1.],
-        [0.03, 1., 0.605, 0.018, 0.018, 0.018, 1.],
-    ]);
-    parts.push(block([-0.35, 0.35], [-0.01, 1.98], [-0.005, 0.57]));
-    for x in [[-0.343, -0.003], [0.003, 0.343]] {
-        parts.push(block(x, [0.08, 1.95], [0.56, 0.59]));
-    }
-    parts
-}
-
 // ---- the room
 
 struct Room {
@@ -243,14 +208,8 @@ impl Room {
     }
 
     /// Puts the parts of a thing in their place, as `placed` does.
-    fn put(
-        &mut self,
-        name: &str,
-        turn: Flat,
-        at: Point,
-        parts: Vec<Solid>,
-    ) {
-        for part in parts {
+    fn put(&mut self, name: &str, turn: Flat, at: Point, new: Vec<Solid>) {
+        for part in new {
             let mut solid = placed(part, turn, at);
             solid.name = format!("{name}.{}", self.solids.len() + 1);
             self.solids.push(solid);
@@ -260,9 +219,15 @@ impl Room {
     /// Floor, ceiling and walls.
     fn shell(&mut self) {
         let walls = [
-            block([-0.4, 6.4], [-0.3, -0.02], [-0.5, 4.9]),
-            block([-0.41, 6.41], [2.8, 3.1], [-0.51, 4.91]),
-            block([-0.3, 0.], [-0.11, 2.91], [-0.28, 4.78]),
+            block([-1.6, 6.4], [-0.3, -0.02], [-0.5, 4.9]),
+            block([-1.61, 6.41], [2.8, 3.1], [-0.51, 4.91]),
+            block([-0.3, 0.], [-0.11, 2.91], [-0.28, 0.55]),
+            block([-0.3, 0.], [-0.11, 2.91], [1.25, 4.78]),
+            block([-0.29, -0.015], [2., 2.92], [0.54, 1.26]),
+            block([-1.5, -0.02], [-0.1, 0.115], [0.1, 1.7]),
+            block([-1.49, -0.1], [-0.12, 2.93], [0.15, 0.35]),
+            block([-1.48, -0.11], [-0.14, 2.94], [1.45, 1.65]),
+            block([-1.4, -1.2], [-0.15, 2.95], [0.12, 1.68]),
             block([6., 6.3], [-0.12, 2.92], [-0.27, 4.77]),
             block([-0.29, 6.29], [-0.13, 2.93], [4.5, 4.8]),
             block([-0.26, 1.7], [-0.14, 2.94], [-0.4, 0.]),
@@ -274,12 +239,9 @@ impl Room {
         self.put("wall", [1., 0.], [0.; 3], walls.into());
         let skirting =
             [[-0.018, -0.012], [0.01, -0.012], [0.01, 0.1], [-0.01, 0.1]];
-        let cornice = [
-            [[0.01, 2.69], [0.01, 2.815], [-0.1, 2.815], [-0.1, 2.785]],
-            [[-0.07, 2.77], [-0.05, 2.73], [-0.02, 2.71], [-0.01, 2.69]],
-        ];
-        let around = [&skirting[..], &cornice.concat()];
-        let around = around.map(|profile| moulding([3., 2.25], profile));
+        let cornice =
+            [[0.01, 2.69], [0.01, 2.81], [-0.1, 2.81], [-0.02, 2.71]];
+        let around = [skirting, cornice].map(|p| moulding([3., 2.25], &p));
         self.put("moulding", [1., 0.], [3., 0., 2.25], around.into());
         for i in 0..120 {
             let z = 0.15 * f64::from(i / 4);
@@ -310,26 +272,16 @@ impl Room {
             let cord = [1.5 * x, 0.66, -0.11, 1.5 * x, 0.34, -0.11, 0.0015];
             parts.extend(rods(&[cord], &ROD));
         }
-        for i in 0..8 {
-            let y = 0.62 - 0.036 * f64::from(i);
-            let at = |x, [a, b]: Flat| {
-                DVec3::new(x, 0.004 * b + 0.008 * a, 0.012 * a)
-            };
-            let row = |x| semicircle(4).into_iter().map(move |p| at(x, p));
-            let rows = [-0.69, 0.69].map(|x| row(x).collect());
-            let slat = sheet(&rows, -0.0015 * DVec3::Y);
-            let turn = [1., self.any([-0.004, 0.004])];
-            parts.push(moved(tilted(slat, turn), [0., y, -0.11]));
+        for i in 0..9 {
+            let y = 0.62 - 0.032 * f64::from(i);
+            let slat = block([-0.69, 0.69], [0., 0.0015], [-0.015, 0.015]);
+            let tilt = |[x, y, z]: Point| [x, y - 0.6 * z, z];
+            parts.push(moved(slat.moved(tilt), [0., y, -0.11]));
         }
         self.put("window", [1., 0.], [2.4, 1.65, 0.], parts);
         for from in [1.16, 3.14] {
-            let curtain = self.curtain();
-            self.put(
-                "curtain",
-                [1., 0.],
-                [from, 0.03, 0.16],
-                vec![curtain],
-            );
+            let curtain = vec![self.curtain()];
+            self.put("curtain", [1., 0.], [from, 0.03, 0.16], curtain);
         }
         let straight = [
             [1.1, 2.42, 0.16, 3.8, 2.42, 0.16, 0.012],
@@ -401,20 +353,17 @@ impl Room {
 
     /// A plant in a pot, about as high as `size`.
     fn plant(&mut self, stems: i32, size: f64) -> Vec<Solid> {
-        let mut parts = vec![vessel(&POT, 0.17 * size)];
+        let mut parts = vec![turned(&POT, [0.17 * size; 2], 32)];
         for _ in 0..stems {
-            let bounds = [[-0.5, 0.5], [0.4, 0.9], [-0.5, 0.5]];
-            let tip = DVec3::from(bounds.map(|b| self.any(b)));
-            let bent = tip * DVec3::new(1., -0.5, 1.);
-            let at = |i: i32| {
-                let t = f64::from(i) / 15.;
-                let rise = 1.5 * t * tip.y + 0.22;
-                size * (rise * DVec3::Y + t * t * bent)
-            };
-            let path: Vec<_> = (0..16).map(at).collect();
-            parts.push(rod(&path, &[0.005 * size; 16]));
-            for p in &path[4..] {
-                parts.extend([0; 2].map(|_| self.leaf(*p, size.sqrt())));
+            let bounds = [[-0.4, 0.4], [0.5, 1.], [-0.4, 0.4]];
+            let [x, y, z] = bounds.map(|b| size * self.any(b));
+            let foot = 0.2 * size;
+            let stem = [0., foot, 0., x, y, z, 0.006 * size];
+            parts.extend(rods(&[stem], &ROD));
+            for i in 6..30 {
+                let tip = DVec3::new(x, y, z);
+                let at = (foot * DVec3::Y).lerp(tip, f64::from(i) / 29.);
+                parts.push(self.leaf(at, size.sqrt()));
             }
         }
         parts
@@ -449,14 +398,11 @@ pub fn room() -> Interior {
     room.window();
     let books = room.shelves();
     room.put("shelf", [0., -1.], [-0.002, 0., 3.45], books);
-    for (stems, size, at) in
-        [(9, 1.6, [0.45, -0.003, 3.95]), (2, 0.45, [1.95, 1.013, 0.02])]
-    {
-        let plant = room.plant(stems, size);
-        room.put("plant", [1., 0.], at, plant);
-    }
+    let [large, small] =
+        [(9, 1.6), (2, 0.45)].map(|(n, h)| room.plant(n, h));
+    room.put("plant", [1., 0.], [0.45, -0.003, 3.95], large);
+    room.put("plant", [1., 0.], [1.95, 1.013, 0.02], small);
     room.put("sofa", [-1., 0.], [1.95, 0., 4.03], sofa());
-    room.put("wardrobe", [1., 0.], [1.16, 0., 0.], wardrobe());
     room.put("table", [1., 0.03], [2.9, 0., 2.], table([0.8, 0.45]));
     for (turn, x, z) in [
         ([1., 0.1], 2.55, 1.4),
@@ -466,14 +412,10 @@ pub fn room() -> Interior {
     ] {
         room.put("chair", turn, [x, 0., z], chair());
     }
-    for (x, half) in
-        [(1.1, [0.2, 0.27]), (1.8, [0.3, 0.2]), (2.5, [0.2, 0.2])]
-    {
+    for x in [1.1, 1.8, 2.5] {
         let profile =
-            [[0., -0.01], [0.03, -0.01], [0.04, 0.03], [0., 0.015]];
-        let [wide, high] = half.map(|h| [-h - 0.01, h + 0.01]);
-        let back = block(wide, high, [-0.005, 0.008]);
-        let parts = vec![upright(moulding(half, &profile)), back];
+            [[0., -0.01], [0.05, -0.01], [0.05, 0.03], [0., 0.01]];
+        let parts = vec![upright(moulding([0.2, 0.3], &profile))];
         room.put("picture", [-1., 0.], [x, 1.6, 4.5], parts);
     }
     let cable = rods(&[[2.9, 1.9, 2., 2.9, 2.81, 2., 0.004]], &ROD);
@@ -485,18 +427,15 @@ pub fn room() -> Interior {
         (&PLATE, 0.12, [2.45, 0.749, 1.85]),
         (&PLATE, 0.12, [2.45, 0.749, 2.25]),
         (&PLATE, 0.12, [3.45, 0.749, 2.2]),
-        (&CUP, 0.04, [2.65, 0.749, 1.78]),
-        (&CUP, 0.04, [3.3, 0.749, 2.32]),
     ] {
-        room.put("vessel", [1., 0.], at, vec![vessel(outline, r)]);
+        room.put("vessel", [1., 0.], at, vec![turned(outline, [r; 2], 32)]);
     }
-    let fruit = |(x, z)| [x, 0.815, z, 0.04, 0.038, 0.04, 1.];
-    let fruits =
-        [(3.06, 1.91), (3.15, 1.92), (3.07, 2.), (3.14, 2.)].map(fruit);
+    let fruits = [(3.06, 1.91), (3.15, 1.92), (3.07, 2.), (3.14, 2.01)]
+        .map(|(x, z)| [x, 0.815, z, 0.04, 0.038, 0.04, 1.]);
     room.put("fruit", [1., 0.], [0.; 3], cushions(&fruits));
     Interior {
         solids: room.solids,
-        view: view([5.65, 1.2, 3.7], [0.5, 0.95, 1.7]),
+        view: view([5.45, 1.2, 3.75], [0.6, 0.95, 1.5]),
         lid: block([1.5, 3.3], [0.8, 2.5], [-0.6, -0.3]),
     }
 }
