@@ -406,7 +406,7 @@ $(patsubst %,$(BUILT)/rmse-%.tex,$(ERRORS)): $(BUILT)/rmse-%.tex: \
 PICTURED = courtyard statue corridor backroom room
 STOPS_corridor = 7
 STOPS_backroom = 6
-STOPS_room = 3
+STOPS_room = 4
 SIZE_room = 480x360
 FIGURES += $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png)
 
