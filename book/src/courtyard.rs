@@ -14,8 +14,8 @@ use litpt::camera::View;
 use litpt::scene::{Mesh, read_obj};
 
 use crate::sweep::{
-    Flat, Point, Solid, block, fan, lathe, moulding, semicircle, sweep,
-    turned, write_obj,
+    Flat, Point, Solid, block, fan, lathe, moulding, rectangle, semicircle,
+    sweep, turned, write_obj,
 };
 
 /// Round arches in a wall; lengths in metres, springing line at y = 0.
@@ -164,8 +164,7 @@ const STOREYS: [Storey; 2] = [
 
 // Run a rectangular course around
 fn course(o: [f64; 2], y: [f64; 2]) -> Solid {
-    let [p, q] = o.map(|o| y.map(|y| [o, y]));
-    moulding(HALF, &[p[0], q[0], q[1], p[1]])
+    moulding(HALF, &rectangle(o, y))
 }
 
 const STRING_COURSE: [[Flat; 4]; 2] = [

@@ -15,7 +15,8 @@ use rand_pcg::Pcg64;
 
 use crate::interiors::{Interior, placed, view};
 use crate::sweep::{
-    Flat, Point, Solid, block, fan, lathe, moulding, semicircle, sweep,
+    Flat, Point, Solid, block, fan, lathe, moulding, rectangle, semicircle,
+    sweep,
 };
 
 // ---- ways to make solids
@@ -151,7 +152,7 @@ fn chair() -> Vec<Solid> {
 /// A table that is 0.75 high, with these half sides.
 fn table([a, c]: Flat) -> Vec<Solid> {
     let mut parts = legs([a - 0.1, c - 0.1], 0.728, 0.04);
-    let apron = [[-0.01, 0.63], [0.01, 0.63], [0.01, 0.73], [-0.01, 0.73]];
+    let apron = rectangle([-0.01, 0.01], [0.63, 0.73]);
     parts.push(moulding([a - 0.1, c - 0.1], &apron));
     parts.extend(cushions(&[[0., 0.735, 0., a, 0.015, c, 0.02]]));
     parts
@@ -166,12 +167,10 @@ const SOFA: [[f64; 7]; 6] = [
     [-0.43, 0.41, 0.06, 0.43, 0.085, 0.38, 0.15],
     [0.43, 0.412, 0.062, 0.43, 0.085, 0.38, 0.15],
 ];
-const PILLOWS: [[f64; 6]; 5] = [
+const PILLOWS: [[f64; 6]; 3] = [
     [-0.45, 0.68, -0.17, 0.24, 3.5, 0.1],
     [0.4, 0.69, -0.18, 0.25, 3.2, -0.1],
-    [-0.68, 0.65, 0.02, 0.19, 2.2, 0.7],
     [0.66, 0.65, 0., 0.2, 2.5, -0.6],
-    [0.1, 0.66, 0.04, 0.17, 1.6, 0.2],
 ];
 
 fn sofa() -> Vec<Solid> {
@@ -237,8 +236,7 @@ impl Room {
             block([-4., 9.], [-0.25, -0.16], [-8., -0.3]),
         ];
         self.put("wall", [1., 0.], [0.; 3], walls.into());
-        let skirting =
-            [[-0.018, -0.012], [0.01, -0.012], [0.01, 0.1], [-0.01, 0.1]];
+        let skirting = rectangle([-0.018, 0.01], [-0.012, 0.1]);
         let cornice =
             [[0.01, 2.69], [0.01, 2.81], [-0.1, 2.81], [-0.02, 2.71]];
         let around = [skirting, cornice].map(|p| moulding([3., 2.25], &p));
@@ -255,8 +253,7 @@ impl Room {
 
     /// The window with its blind, its curtains and the radiator.
     fn window(&mut self) {
-        let bar =
-            [[-0.05, -0.22], [0.01, -0.22], [0.01, -0.16], [-0.05, -0.16]];
+        let bar = rectangle([-0.05, 0.01], [-0.22, -0.16]);
         let sash = [[-0.04, -0.205], [0., -0.205], [0., -0.165]];
         let mut parts = vec![
             upright(moulding([0.7, 0.65], &bar)),
@@ -279,7 +276,7 @@ impl Room {
             parts.push(moved(slat.moved(tilt), [0., y, -0.11]));
         }
         self.put("window", [1., 0.], [2.4, 1.65, 0.], parts);
-        for from in [1.16, 3.14] {
+        for from in [1.16, 3.15] {
             let curtain = vec![self.curtain()];
             self.put("curtain", [1., 0.], [from, 0.03, 0.16], curtain);
         }
@@ -310,8 +307,7 @@ impl Room {
             };
             (0..56).map(at).collect()
         };
-        let rows: Vec<_> = (0..=12).map(row).collect();
-        sheet(&rows, 0.006 * DVec3::Z)
+        sheet(&(0..=12).map(row).collect::<Vec<_>>(), 0.006 * DVec3::Z)
     }
 
     /// Two bays of shelves, 2 wide and 2.1 high, full of books.
@@ -385,8 +381,7 @@ impl Room {
             };
             [-1., 0., 1.].map(point).to_vec()
         };
-        let rows: Vec<_> = (0..=6).map(row).collect();
-        sheet(&rows, 0.0015 * up)
+        sheet(&(0..=6).map(row).collect::<Vec<_>>(), 0.0015 * up)
     }
 }
 
@@ -430,7 +425,7 @@ pub fn room() -> Interior {
     ] {
         room.put("vessel", [1., 0.], at, vec![turned(outline, [r; 2], 32)]);
     }
-    let fruits = [(3.06, 1.91), (3.15, 1.92), (3.07, 2.), (3.14, 2.01)]
+    let fruits = [(3.06, 1.91), (3.15, 1.92), (3.07, 2.), (3.15, 2.01)]
         .map(|(x, z)| [x, 0.815, z, 0.04, 0.038, 0.04, 1.]);
     room.put("fruit", [1., 0.], [0.; 3], cushions(&fruits));
     Interior {
