@@ -65,7 +65,7 @@ pub struct Gather<'a> {
 #[derive(Debug, PartialEq)]
 pub struct Learnt {
     /// The radiance and the guides of the scene.
-    pub cache: RadianceCache,
+    pub cache: Arc<RadianceCache>,
     /// The samples of each pixel.
     pub allocation: Allocation,
 }

@@ -71,7 +71,7 @@ impl Dispatch for Learn<'_> {
             Some(_) => allocate(&prototype, film, watch)?,
             None => (Allocation::even(film.run_window, film.net_size), 0),
         };
-        let learnt = Learnt { cache, allocation };
+        let learnt = Learnt { cache: cache.into(), allocation };
         watch(0).then_some((learnt, rays + traced))
     }
 }
