@@ -185,19 +185,10 @@ impl Viewpoint {
             Self::Back => [-front, zenith, up],
             Self::Left => [-right, zenith, up],
             Self::Right => [right, zenith, up],
-            Self::Top => [zenith, -front, -front],
+            Self::Top => [zenith, -front, turned(-front, -zenith, rise)],
             Self::Iso => [1.5 * front + right + zenith, zenith, up],
         };
         [turned(away, over, rise), up]
-    }
-
-    /// How many degrees it is above the horizon.
-    pub fn altitude(self) -> f64 {
-        match self {
-            Self::Top => 90.,
-            Self::Iso => libm::atan(1. / 3.25_f64.sqrt()).to_degrees(),
-            _ => 0.,
-        }
     }
 }
 

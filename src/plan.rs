@@ -271,6 +271,9 @@ pub struct Outputs {
     /// what is not sky, at which the run ends.
     #[serde(default)]
     pub picture_error: Option<f64>,
+    /// What was chosen for pictures, in words.
+    #[serde(skip)]
+    pub defaults: String,
 }
 
 impl Default for Outputs {
@@ -284,6 +287,7 @@ impl Default for Outputs {
             exposure: None,
             filter: true,
             picture_error: None,
+            defaults: String::new(),
         }
     }
 }

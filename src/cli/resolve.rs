@@ -221,27 +221,36 @@ impl Options {
         plan.outputs.files = files;
     }
 
-    /// Takes the defaults of a run that leaves nothing but pictures.
+    /// Takes the defaults of a run that leaves nothing but pictures, and
+    /// notes them in words.
     fn show(&self, plan: &mut Plan) {
         let Self { scene, sensor, limits, .. } = self;
         let SensorPlan::Camera(camera) = &mut plan.sensor else { return };
+        let mut said = vec![];
         if sensor.fov.is_none() && !camera.is_placed() {
             camera.fov = 35.;
+            said.push("field of view 35 (-F)");
         }
         if scene.albedos.is_empty() && !scene.materials {
-            plan.surfaces.albedo = 0.7;
-            plan.surfaces.materials = None;
+            (plan.surfaces.albedo, plan.surfaces.materials) = (0.7, None);
+            said.push("albedo of the file's materials or 0.7 (-r)");
         }
-        let sees_sky = camera.background.is_none();
-        if sees_sky && plan.sky.cover != Cover::Sphere {
-            plan.sky.ground.get_or_insert(0.3);
+        let has_below = plan.sky.ground.is_some()
+            || plan.sky.cover == Cover::Sphere
+            || camera.background.is_some();
+        if !has_below {
+            plan.sky.ground = Some(0.3);
+            said.push("ground 0.3 (--ground)");
         }
-        let is_limited = limits.time.is_some() || limits.error.is_some();
-        if limits.samples.is_none() && !is_limited {
-            plan.budget =
-                Budget { samples: None, time: Some(10.), error: None };
+        if (limits.samples, limits.time, limits.error) == (None, None, None)
+        {
+            (plan.budget.samples, plan.budget.time) = (None, Some(10.));
             plan.outputs.picture_error = Some(0.01);
+            said.push(
+                "until 1 % of the mean or 10 s (-n, --time, --error)",
+            );
         }
+        plan.outputs.defaults = said.join(", ");
     }
 
     /// The files that are typed, and what they hold: first images or values,

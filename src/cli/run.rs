@@ -13,7 +13,6 @@ use std::time::Instant;
 use anstream::{AutoStream, ColorChoice};
 use clap::CommandFactory;
 use clap::builder::StyledStr;
-use glam::DVec3;
 
 use super::files;
 use super::options::{Error, Options};
@@ -22,12 +21,12 @@ use super::ranks::{Ranks, start_threads};
 use super::watchdog::without_image;
 use super::watchdog::{Watchdog, hard_deadline, listen, status};
 use crate::analysis::Finding;
-use crate::camera::{Camera, direction};
+use crate::camera::Camera;
 use crate::error::Result;
 use crate::film::{Film, Summary};
 use crate::filter::Filtered;
 use crate::host::Host;
-use crate::image::{Format, Image};
+use crate::image::Image;
 use crate::inputs::{Inputs, in_first_rank};
 use crate::output::OutputTarget;
 use crate::plan::{Plan, Product, is_dash};
@@ -131,74 +130,28 @@ fn run(
     if execution.dry_run {
         return Ok(answer(&describe(&plan, &world, &run))?);
     }
-    if goes_unnamed(options, &plan) {
-        progress::inform(
-            "the image goes to standard output, as numbers; for a PNG say \
-             -o NAME.png",
-        );
+    let unnamed = unnamed(options, &plan);
+    if unnamed.is_some_and(is_dash) {
+        progress::inform(TO_STANDARD_OUTPUT);
     }
-    let defaults = defaults(options, &plan, &world);
-    let shown = shown(options, &plan);
-    let files = Files { targets, reference, shown, defaults };
+    let shown = unnamed.filter(|path| !is_dash(path));
+    let files = Files { targets, reference, shown };
     Ok(render(run, history.state, files, ranks, &watchdog)?)
 }
 
-/// The image that is written though it was not named.
-fn shown<'a>(options: &Options, plan: &'a Plan) -> Option<&'a Path> {
-    let outputs = &options.outputs;
-    let is_png = |product| product == Product::Image(Format::Png);
-    let image = plan.outputs.of(is_png).find(|path| !is_dash(path));
-    image.filter(|_| {
-        outputs.output.is_empty() && options.parts.resume.is_none()
-    })
-}
-
-/// Whether an image goes to standard output since nothing else is said.
-fn goes_unnamed(options: &Options, plan: &Plan) -> bool {
+/// The file of an image that was not named.
+fn unnamed<'a>(options: &Options, plan: &'a Plan) -> Option<&'a Path> {
     let Options { outputs, parts, .. } = options;
-    let is_said = !outputs.output.is_empty()
+    let is_named = !outputs.output.is_empty()
         || outputs.format.is_some()
         || parts.resume.is_some();
     let is_image = |product| matches!(product, Product::Image(_));
-    !is_said && plan.outputs.of(is_image).any(is_dash)
+    plan.outputs.of(is_image).next().filter(|_| !is_named)
 }
 
-/// What was chosen though nobody has said it, in words.
-fn defaults(
-    options: &Options,
-    plan: &Plan,
-    world: &World,
-) -> Option<String> {
-    if !plan.shows_only_pictures() {
-        return None;
-    }
-    let has_materials = !world.subject.named.materials.is_empty();
-    let albedo = match has_materials {
-        true => "albedo of the file's materials".to_owned(),
-        false => format!("albedo {}", plan.surfaces.albedo),
-    };
-    let is_guess = plan.surfaces.materials.is_none();
-    let albedo = is_guess.then(|| albedo + " (-r)");
-    let Options { sensor, scene, .. } = options;
-    let up = plan.up.filter(|&up| sensor.up.is_none() && up != DVec3::Z);
-    let up = up.map(|up| format!("up {} (-u)", direction(up)));
-    let camera = plan.camera().filter(|camera| !camera.is_placed());
-    let fov = camera.filter(|_| sensor.fov.is_none());
-    let fov = fov.map(|it| format!("field of view {} (-F)", it.fov));
-    let ground = scene.ground.xor(plan.sky.ground);
-    let ground = ground.map(|it| format!("ground {it} (--ground)"));
-    let error = plan.outputs.picture_error.zip(plan.budget.time);
-    let until = error.map(|(error, seconds)| {
-        let percent = 100. * error;
-        format!(
-            "until an error of {percent} % of the mean or {seconds} s \
-             (-n, --time, --error)"
-        )
-    });
-    let said = [up, fov, albedo, ground, until].into_iter().flatten();
-    let said = said.collect::<Vec<_>>().join(", ");
-    (!said.is_empty()).then_some(said)
-}
+/// That an image was not named.
+const TO_STANDARD_OUTPUT: &str = "the image goes to standard output, as \
+                                  numbers; for a PNG say -o NAME.png";
 
 /// Checks the camera, if the plan has placed it.
 fn check(plan: &Plan) -> Result<()> {
@@ -243,8 +196,6 @@ struct Files<'a> {
     reference: Option<Image>,
     /// The image that is written though it was not named.
     shown: Option<&'a Path>,
-    /// What was chosen though it was not said.
-    defaults: Option<String>,
 }
 
 /// Renders until a limit is reached, and writes the files of the run.
@@ -337,7 +288,7 @@ fn render(
     if !key.only_learns() {
         warn_of_receivers(world, &film, host);
     }
-    finish(output, &film, &convergence, (files.shown, files.defaults))?;
+    finish(output, &film, &convergence, files.shown)?;
     Ok(stop)
 }
 
@@ -359,7 +310,7 @@ fn finish(
     mut output: RunOutput,
     film: &Film,
     convergence: &Convergence,
-    (shown, defaults): (Option<&Path>, Option<String>),
+    shown: Option<&Path>,
 ) -> Result<()> {
     output.write(convergence, film, None)?;
     if output.record.run_key.only_learns() {
@@ -371,9 +322,10 @@ fn finish(
     if !progress::is_quiet() {
         let report = output.record.report.complete(film);
         let file = shown.map(|path| ("file", path.display().to_string()));
-        let more = defaults.map(|text| ("defaults", text));
+        let chosen = output.record.plan.outputs.defaults;
+        let chosen = (!chosen.is_empty()).then_some(("defaults", chosen));
         let lines = report.summary(film.area()).into_iter();
-        for (name, text) in lines.chain(more).chain(file) {
+        for (name, text) in lines.chain(chosen).chain(file) {
             progress::inform(&format!("{name:10}{text}"));
         }
     }

@@ -148,29 +148,20 @@ pub fn parse_band(text: &str) -> Result<(u32, u32), &'static str> {
 pub fn parse_viewpoint(
     text: &str,
 ) -> Result<(Viewpoint, [f64; 2]), String> {
-    let mut parts = text.split(',');
-    let name = parts.next().unwrap_or_default();
-    let side = Viewpoint::from_str(name, false).map_err(|_| {
-        format!("'{name}' is none of front, back, left, right, top and iso")
-    })?;
-    let angles: Result<Vec<_>, _> = parts.map(parse_real).collect();
-    let [turn, rise] = match angles?[..] {
-        [] => [0.; 2],
-        [turn] => [turn, 0.],
-        [turn, rise] => [turn, rise],
-        _ => return Err("expected a side and two angles at most".into()),
-    };
-    let low = if side == Viewpoint::Top { 0. } else { -90. };
-    let altitude = side.altitude() + rise;
-    if rise != 0. && !(low < altitude && altitude < 90.) {
-        let [low, high] = [low, 90.].map(|it| it - side.altitude());
-        return Err(format!(
-            "from {name} a camera is raised by more than {low:.0} and less \
-             than {high:.0} degrees"
-        ));
-    }
-    Ok((side, [turn, rise]))
+    let (name, angles) = text.split_once(',').unwrap_or((text, "0"));
+    let side = Viewpoint::from_str(name, false);
+    let side = side.map_err(|_| format!("'{name}' is none of {SIDES}"))?;
+    let (turn, rise) = angles.split_once(',').unwrap_or((angles, "0"));
+    let [turn, rise] = [parse_real(turn)?, parse_real(rise)?];
+    let own = if side == Viewpoint::Iso { 29. } else { 0. };
+    let is_clear = (own + rise).abs() <= 89.;
+    is_clear.then_some((side, [turn, rise])).ok_or(RISE.to_owned())
 }
+
+const SIDES: &str = "front, back, left, right, top and iso";
+
+const RISE: &str = "a camera is raised or lowered by 89 degrees at most, and \
+                    from iso raised by 60";
 
 /// Parses a sample: a pixel and a number.
 pub fn parse_sample(text: &str) -> Result<(u32, u32, u64), &'static str> {

@@ -267,8 +267,8 @@ impl Sampling {
     /// The same, for a glance with at most so many samples in a net.
     pub fn glance(self, most: u64) -> Self {
         let (method, net_size) = match self.method {
-            Method::Gather => (Method::Gather, most.clamp(1, 3)),
-            _ => (Method::Sobol, 1 << most.clamp(1, 4).ilog2()),
+            Method::Gather => (Method::Gather, most.clamp(2, 3)),
+            _ => (Method::Sobol, 1 << most.clamp(2, 4).ilog2()),
         };
         let training = self.training.min(200_000);
         Self { method, net_size, training, glance: true, ..self }
