@@ -171,7 +171,7 @@ fuzz:
 # million triangles. A run that is restricted replaces the tables of a whole
 # one.
 BENCH := $(BUILD_DIR)/bench
-BENCH_SCENES = courtyard statue field corridor backroom \
+BENCH_SCENES = courtyard statue field corridor backroom room \
   $(if $(KITCHEN),kitchen)
 BENCH_SIZES = 1000 10000 100000 1000000 $(if $(BENCH_LARGE),10000000)
 
@@ -192,8 +192,8 @@ bench:
 	  $(patsubst %,$(MEASURED)/%.csv,traversal bench sizes)
 
 # field-1000 is the field with 1000 triangles.
-$(BENCH)/%.obj $(BENCH)/%.view: book/src/programs/scenes.rs \
-  book/src/interiors.rs book/src/mixtures.rs | $(BOOK)
+$(BENCH)/%.obj $(BENCH)/%.view: $(addprefix book/src/,programs/scenes.rs \
+  interiors.rs mixtures.rs room.rs sweep.rs) | $(BOOK)
 	@mkdir -p $(BENCH)
 	$(BOOK) scenes $(subst -, ,$*) > $(BENCH)/$*.obj
 	$(BOOK) scenes --view $(subst -, ,$*) > $(BENCH)/$*.view
@@ -245,6 +245,7 @@ bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
 # if it is not 0.8. The references take some four hours on an idle machine and
 # stay in $(BENCH); those of REFERENCE=4096 take one, and serve almost as well.
 EFFICIENCY = courtyard statue field corridor backroom backroom@0.5 \
+  room room@0.5 \
   $(if $(KITCHEN),kitchen kitchen@0.5)
 ROUNDS = 5
 BUDGETS = 4,16,64,256
@@ -260,8 +261,8 @@ efficiency: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(CHALLENG
 
 # How wrong filtered pictures are, and say they are: five minutes. After the @
 # stands the method if it is not a gather.
-FILTERED = $(if $(KITCHEN),kitchen) courtyard backroom corridor statue \
-  statue@sobol
+FILTERED = $(if $(KITCHEN),kitchen) room courtyard backroom corridor \
+  statue statue@sobol
 SHOWN = $(foreach scene,$(FILTERED),$(firstword $(subst @, ,$(scene))))
 .PHONY: picture
 picture: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(SHOWN))))
@@ -275,7 +276,8 @@ calibration: $(BOOK)
 
 # What each method gains, beside what a pilot foresees: ten minutes on an idle
 # machine.
-CHOSEN = $(if $(KITCHEN),kitchen kitchen@0.5) courtyard courtyard@0.2 \
+CHOSEN = $(if $(KITCHEN),kitchen kitchen@0.5) room room@0.5 \
+  courtyard courtyard@0.2 \
   backroom corridor statue field
 POSED = $(foreach scene,$(CHOSEN),$(firstword $(subst @, ,$(scene))))
 
@@ -286,7 +288,7 @@ choice: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(POSED))))
 
 # What each part of the gather is worth: half an hour, on a machine that may be
 # busy, since nothing is timed.
-WEIGHED = courtyard backroom statue $(if $(KITCHEN),kitchen)
+WEIGHED = courtyard backroom statue room $(if $(KITCHEN),kitchen)
 
 .PHONY: parts
 parts: $(BOOK) $(call AND_VIEWS,$(WEIGHED:%=$(BENCH)/%))
@@ -295,7 +297,7 @@ parts: $(BOOK) $(call AND_VIEWS,$(WEIGHED:%=$(BENCH)/%))
 	    -d 200x150 || exit 1; done | awk "!/^scene,/ || !head++"'
 
 # How fast images of ptview come, on an idle machine.
-RATED = courtyard kitchen field
+RATED = courtyard room kitchen field
 .PHONY: rates
 rates: bench-tools $(BUILD_DIR)/ptview \
   $(call AND_VIEWS,$(addprefix $(BENCH)/,$(filter-out kitchen,$(RATED))))
@@ -401,15 +403,17 @@ $(patsubst %,$(BUILT)/rmse-%.tex,$(ERRORS)): $(BUILT)/rmse-%.tex: \
 
 # The scenes of which the chapters measure the times, with the stops by which
 # the interiors are brighter on paper.
-PICTURED = courtyard statue corridor backroom
+PICTURED = courtyard statue corridor backroom room
 STOPS_corridor = 7
 STOPS_backroom = 6
+STOPS_room = 4
+SIZE_room = 480x360
 FIGURES += $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png)
 
 $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png: \
   $(BENCH)/%.obj $(BENCH)/%.view $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
   | $(BUILD_DIR)/figures
-	$(BUILD_DIR)/pt -r 0.8 $$(cat $(BENCH)/$*.view) -d 160x120 -n 64 -q -f \
+	$(BUILD_DIR)/pt -r 0.8 $$(cat $(BENCH)/$*.view) -d $(or $(SIZE_$*),160x120) -n 64 -q -f \
 	  --integrator auto -i $(BENCH)/$*.obj -o $(@:.png=.exr)
 	$(BUILD_DIR)/ptimg tonemap -f -e $(or $(STOPS_$*),0) -o $@ $(@:.png=.exr)
 

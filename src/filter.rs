@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Pictures for looking: images that are filtered, with their own error.
 
+mod blocks;
 mod fit;
 mod look;
 
@@ -17,7 +18,8 @@ use crate::bvh::{Bvh, GROUND};
 use crate::film::{Film, Fragment, Fragments, HalfBuffers, UNIT};
 use crate::image::Image;
 use crate::sampler::within;
-use fit::Fit;
+use blocks::{Best, CLASSES, Grid};
+use fit::{Fit, Plane};
 pub use look::fragments;
 
 /// The means of at most about 2^14 pixels of a film, evenly spread, whose
@@ -68,13 +70,10 @@ impl Halves {
     }
 }
 
-/// What a pixel shows: one surface, several, or some and the sky.
-const CLASSES: usize = 3;
-
 /// The halves of an image while it is filtered.
 struct Filter<'a> {
     shown: &'a Fragments,
-    width: usize,
+    grid: Grid,
     /// The pixel of each fragment.
     pixels: Vec<u32>,
     /// What each pixel shows, if any surface.
@@ -84,13 +83,13 @@ struct Filter<'a> {
 }
 
 impl<'a> Filter<'a> {
-    /// Collects the halves of a film: a filter, and what was gathered and
-    /// corrected for each fragment.
+    /// Collects the halves of a film: a filter, and what was gathered for each
+    /// fragment and corrected for each pixel.
     fn new(
         film: &Film,
         shown: &'a Fragments,
     ) -> (Self, Vec<Halves>, Vec<Halves>) {
-        let width = film.window.size.0 as usize;
+        let (width, height) = film.window.size;
         // Sort the halves of tiles by rows
         let mut sums = vec![HalfBuffers::default(); shown.all.len()];
         for (tile, halves) in film.tiles_of_halves() {
@@ -99,37 +98,36 @@ impl<'a> Filter<'a> {
         }
         // Weigh each fragment by its coverage, if a half has samples
         let spp = film.samples() as f32 / 2.;
-        let part = |(fragment, sums): (&Fragment, &HalfBuffers),
-                    term: usize| {
-            let count = Vec2::from(sums.map(|half| half[2] as f32));
-            let sum = sums.map(|half| (half[term] as f64 / UNIT) as f32);
+        let part = |f: usize, term: usize| {
+            let count = Vec2::from(sums[f].map(|half| half[2] as f32));
+            let sum = sums[f].map(|half| (half[term] as f64 / UNIT) as f32);
             let has = count.min(Vec2::ONE);
             let mean = Vec2::from(sum) / count.max(Vec2::ONE);
-            Halves::new(mean, has * (spp * fragment.coverage))
+            Halves::new(mean, has * (spp * shown.all[f].coverage))
         };
-        let [gathered, corrected] = [0, 1].map(|term| {
-            let all = shown.all.iter().zip(&sums);
-            all.map(|it| part(it, term)).collect::<Vec<_>>()
-        });
+        let all = (0..sums.len()).into_par_iter();
+        let gathered: Vec<_> = all.map(|f| part(f, 0)).collect();
+        let area = (0..film.window.area()).into_par_iter();
+        let corrected = area
+            .clone()
+            .map(|p| Halves(shown.range(p).map(|f| part(f, 1).0).sum()));
+        let corrected: Vec<_> = corrected.collect();
         // Describe the pixels
-        let area = film.window.area();
-        let all = || 0..area;
-        let pixels =
-            all().flat_map(|p| shown.range(p).map(move |_| p as u32));
+        let number = |p| shown.range(p).map(move |_| p as u32);
         let mut filter = Self {
             shown,
-            width,
-            pixels: pixels.collect(),
-            classes: all().map(|p| class(shown.of(p))).collect(),
+            grid: Grid::new(width as usize, height as usize),
+            pixels: area.clone().flat_map_iter(number).collect(),
+            classes: area.map(|p| class(shown.of(p))).collect(),
             whole: vec![],
         };
-        let halves = filter.compose(&gathered, &corrected).into_iter();
-        let is_whole = |p: usize| {
-            let mut own = shown.range(p);
-            own.all(|f| gathered[f].is_whole())
-        };
-        let whole = halves.enumerate().map(|(p, halves)| {
-            (filter.classes[p].is_some() && is_whole(p)).then_some(halves)
+        let halves = filter.compose(&gathered).into_iter();
+        let halves = halves.zip(filter.means(&corrected));
+        let is_whole =
+            |p: usize| shown.range(p).all(|f| gathered[f].is_whole());
+        let whole = halves.enumerate().map(|(p, (mean, more))| {
+            let is_known = filter.classes[p].is_some() && is_whole(p);
+            is_known.then_some(mean + more)
         });
         filter.whole = whole.collect();
         (filter, gathered, corrected)
@@ -138,19 +136,23 @@ impl<'a> Filter<'a> {
 
 impl Filter<'_> {
     /// The halves of each pixel of which the fragments have these.
-    fn compose(
-        &self,
-        gathered: &[Halves],
-        corrected: &[Halves],
-    ) -> Vec<Vec2> {
+    fn compose(&self, values: &[Halves]) -> Vec<Vec2> {
         let Fragments { all, sky, .. } = self.shown;
         let pixel = |p: usize| {
             self.shown.range(p).fold(Vec2::splat(sky[p]), |sum, f| {
-                let mean = gathered[f].mean() + corrected[f].mean();
-                sum + all[f].coverage * mean
+                sum + all[f].coverage * values[f].mean()
             })
         };
         (0..sky.len()).into_par_iter().map(pixel).collect()
+    }
+
+    /// What values of the surfaces of each pixel add to it.
+    fn means(&self, values: &[Halves]) -> Vec<Vec2> {
+        let pixel = |(p, value): (usize, &Halves)| {
+            let own = self.shown.of(p).iter();
+            own.map(|it| it.coverage).sum::<f32>() * value.mean()
+        };
+        values.par_iter().enumerate().map(pixel).collect()
     }
 
     /// Estimates without bias of the variance of a pixel, and of the square
@@ -164,20 +166,28 @@ impl Filter<'_> {
 }
 
 impl Filter<'_> {
-    /// The sums of the errors of all pixels.
-    fn errors(&self, shown: &[Vec2]) -> [DVec2; CLASSES] {
-        let rows = shown.par_chunks(self.width).enumerate();
+    /// The sums of the errors of the pixels of each block.
+    fn errors(&self, shown: &[Vec2]) -> Vec<[DVec2; CLASSES]> {
+        let Grid { width, blocks: [columns, _], .. } = self.grid;
+        let rows = shown.par_chunks(width).enumerate();
         let rows = rows.map(|(row, halves)| {
-            let mut sums = [DVec2::ZERO; CLASSES];
-            for (p, &halves) in (row * self.width..).zip(halves) {
+            let mut sums = vec![[DVec2::ZERO; CLASSES]; columns];
+            for (p, &halves) in (row * width..).zip(halves) {
                 if let Some(class) = self.classes[p] {
-                    sums[class] += self.error(p, halves);
+                    let column = self.grid.block(p) % columns;
+                    sums[column][class] += self.error(p, halves);
                 }
             }
-            sums
+            (self.grid.block(row * width), sums)
         });
-        let rows: Vec<[DVec2; CLASSES]> = rows.collect();
-        array::from_fn(|class| rows.iter().map(|sums| sums[class]).sum())
+        let rows: Vec<_> = rows.collect();
+        let mut sums = vec![[DVec2::ZERO; CLASSES]; self.grid.count()];
+        for (first, row) in rows {
+            for (sums, row) in sums[first..].iter_mut().zip(row) {
+                *sums = array::from_fn(|class| sums[class] + row[class]);
+            }
+        }
+        sums
     }
 }
 
@@ -201,7 +211,8 @@ impl Filter<'_> {
         (reach, step): (isize, isize),
         mut visit: impl FnMut(usize, isize, isize),
     ) {
-        let (p, width) = (self.pixels[f] as isize, self.width as isize);
+        let (p, width) =
+            (self.pixels[f] as isize, self.grid.width as isize);
         let height = self.classes.len() as isize / width;
         let (x, y) = (p % width, p / width);
         let is_row = |j: &isize| (0..height).contains(&(y + j * step));
@@ -215,22 +226,19 @@ impl Filter<'_> {
     }
 }
 
+/// The weights of a mean by the distance in steps.
+const WEIGHTS: [f32; 2] = [2., 1.];
+
 impl Filter<'_> {
-    /// The means around each fragment, over those that continue its surface,
-    /// or over all of them.
-    fn smooth(
-        &self,
-        values: &[Halves],
-        step: isize,
-        over_all: bool,
-    ) -> Vec<Halves> {
+    /// The means around each fragment, over those that continue its surface.
+    fn smooth(&self, values: &[Halves], step: isize) -> Vec<Halves> {
         let all = &self.shown.all;
         let mean = |f: usize| {
             let (mut sum, mut covered) = (Vec4::ZERO, 0.);
-            self.around(f, (2, step), |g, i, j| {
-                if over_all || f == g || all[f].is_like(&all[g]) {
-                    let weight = |i: isize| [6., 4., 1.][i.unsigned_abs()];
-                    let weight: f32 = weight(i) * weight(j);
+            self.around(f, (1, step), |g, i, j| {
+                if f == g || all[f].is_like(&all[g]) {
+                    let weight = |i: isize| WEIGHTS[i.unsigned_abs()];
+                    let weight = weight(i) * weight(j);
                     sum += weight * values[g].0;
                     covered += weight * all[g].coverage;
                 }
@@ -242,42 +250,125 @@ impl Filter<'_> {
 }
 
 impl Filter<'_> {
-    /// What a plane in place and normal gives that fits the fragments around
-    /// each, drawn to those of all its surroundings where there are few samples.
+    /// The sums around each pixel, over all surfaces.
+    fn blur(&self, values: &[Halves], step: usize) -> Vec<Halves> {
+        let (width, area) = (self.grid.width, values.len());
+        let along = |values: &[Halves], step: usize, side: usize| {
+            let sum = |p: usize| {
+                let at = p % side;
+                let near = |k: usize| {
+                    let offset = k * step;
+                    let before =
+                        (at >= offset).then(|| values[p - offset].0);
+                    let after = at + offset < side;
+                    let after = after.then(|| values[p + offset].0);
+                    WEIGHTS[k]
+                        * (before.unwrap_or_default()
+                            + after.unwrap_or_default())
+                };
+                Halves(WEIGHTS[0] * values[p].0 + near(1))
+            };
+            (0..area).into_par_iter().map(sum).collect::<Vec<_>>()
+        };
+        let rows = along(values, step, width);
+        along(&rows, step * width, area)
+    }
+}
+
+impl Filter<'_> {
+    /// The plane in place and normal that fits the fragments around one, drawn
+    /// to those of all its surroundings where there are few samples.
+    fn plane(
+        &self,
+        f: usize,
+        (values, prior): (&[Halves], &[Halves]),
+        step: isize,
+    ) -> Plane {
+        let (all, here) = (&self.shown.all, &self.shown.all[f]);
+        let axes = Axes::around(here.normal);
+        let mut sums = Fit::default();
+        self.around(f, (3, step), |g, i, j| {
+            let square = (i * i + j * j) as usize;
+            let is_near = square < WINDOW.len() && values[g].is_whole();
+            if is_near && (f == g || here.continues(&all[g])) {
+                let count = values[g].count().element_sum();
+                let terms = axes.terms([i as f32, j as f32], all[g].normal);
+                sums.add(WINDOW[square] * count, terms, values[g].mean());
+            }
+        });
+        let seen = sums.weight * (step * step) as f32;
+        let part = seen / (seen + PRIOR);
+        let prior = prior[self.pixels[f] as usize].mean();
+        let mut plane = sums.plane();
+        plane.value = prior.lerp(plane.value, part);
+        plane.slopes = plane.slopes.map(|slopes| part * slopes);
+        plane
+    }
+}
+
+impl Filter<'_> {
+    /// What planes give that fit the fragments around each: those of every
+    /// second pixel of each second row, or its own if none of them is near.
     fn fit(
         &self,
         values: &[Halves],
         step: isize,
         prior: &[Halves],
     ) -> Vec<Halves> {
-        let all = &self.shown.all;
-        let fit = |f: usize| {
-            let here = &all[f];
-            let (across, along) = here.normal.any_orthonormal_pair();
-            let mut sums = Fit::default();
-            self.around(f, (3, step), |g, i, j| {
-                let square = (i * i + j * j) as usize;
-                let is_near = square < WINDOW.len() && values[g].is_whole();
-                if is_near && (f == g || here.continues(&all[g])) {
-                    let count = values[g].count().element_sum();
-                    let turn = |axis: Vec3A| 3. * axis.dot(all[g].normal);
-                    let [x, y] = [i, j].map(|i| i as f32 / 3.);
-                    let terms = Vec4::new(x, y, turn(across), turn(along));
-                    sums.add(
-                        WINDOW[square] * count,
-                        terms,
-                        values[g].mean(),
+        let (all, width) = (&self.shown.all, self.grid.width);
+        let count = (0..values.len()).into_par_iter();
+        let is_chosen = |p: usize| ((p % width) | (p / width)) & 1 == 0;
+        let planes = count.clone().map(|f| {
+            is_chosen(self.pixels[f] as usize)
+                .then(|| self.plane(f, (values, prior), step))
+        });
+        let planes: Vec<Option<Plane>> = planes.collect();
+        let value = |f: usize| {
+            if let Some(plane) = planes[f] {
+                return Halves::new(plane.value, Vec2::ONE);
+            }
+            // Ask the planes beside a fragment
+            let mut sum = Halves(Vec4::ZERO);
+            self.around(f, (1, 1), |g, i, j| {
+                if let Some(plane) = &planes[g]
+                    && all[g].continues(&all[f])
+                {
+                    let axes = Axes::around(all[g].normal);
+                    let terms = axes.terms(
+                        [i, j].map(|i| -i as f32 / step as f32),
+                        all[f].normal,
                     );
+                    sum.0 += Halves::new(plane.at(terms), Vec2::ONE).0;
                 }
             });
-            let seen = sums.weight * (step * step) as f32;
-            let part = seen / (seen + PRIOR);
-            let is_seen = sums.weight > 0.;
-            let mean = if is_seen { sums.constant() } else { Vec2::ZERO };
-            let mean = prior[f].mean().lerp(mean, part);
-            Halves::new(mean, Vec2::ONE)
+            if sum.is_whole() {
+                return sum;
+            }
+            let plane = self.plane(f, (values, prior), step);
+            Halves::new(plane.value, Vec2::ONE)
         };
-        (0..values.len()).into_par_iter().map(fit).collect()
+        count.map(value).collect()
+    }
+}
+
+/// The axes by which the turn of normals is told.
+struct Axes {
+    across: Vec3A,
+    along: Vec3A,
+}
+
+impl Axes {
+    fn around(normal: Vec3A) -> Self {
+        let (across, along) = normal.any_orthonormal_pair();
+        Self { across, along }
+    }
+
+    /// The terms of a fit: so many steps across and down, and a turn.
+    #[inline(always)]
+    fn terms(&self, steps: [f32; 2], normal: Vec3A) -> Vec4 {
+        let [x, y] = steps.map(|i| i / 3.);
+        let turn = |axis: Vec3A| 3. * axis.dot(normal);
+        Vec4::new(x, y, turn(self.across), turn(self.along))
     }
 }
 
@@ -294,179 +385,93 @@ const WINDOW: [f32; 10] = [
 ];
 
 impl Filter<'_> {
-    /// Filters the corrections, over all surfaces, as widely as makes the
-    /// error least.
+    /// What corrections add to each pixel, filtered over all surfaces as
+    /// widely as makes the error least.
     fn correct(
         &self,
         gathered: &[Halves],
         corrected: Vec<Halves>,
-    ) -> Vec<Halves> {
-        let judge = |corrected: &[Halves]| -> f64 {
-            let errors = self.errors(&self.compose(gathered, corrected));
-            errors.iter().map(|error| error.element_sum()).sum()
-        };
-        if corrected.iter().all(|it| it.0.xy() == Vec2::ZERO) {
-            return corrected;
+    ) -> Vec<Vec2> {
+        let mut best = self.means(&corrected);
+        if best.iter().all(|&it| it == Vec2::ZERO) {
+            return best;
         }
-        let (mut least, mut now) = (judge(&corrected), corrected.clone());
-        let mut best = corrected;
+        let gathered = self.compose(gathered);
+        let judge = |corrected: &[Vec2]| -> f64 {
+            let both = gathered.par_iter().zip(corrected);
+            let both = both.map(|(a, b)| a + b).collect::<Vec<_>>();
+            let errors = self.errors(&both);
+            errors.iter().flatten().map(|error| error.element_sum()).sum()
+        };
+        let (mut least, mut before) = (judge(&best), best.clone());
+        let mut now = corrected;
         for level in 0..LEVELS {
-            let next = self.smooth(&now, 1 << level, true);
-            for part in [0.25, 0.5, 0.75, 1.] {
-                let mixed = now.par_iter().zip(&next).map(|(a, b)| {
-                    let part = if a.is_whole() { part } else { 1. };
-                    Halves::new(a.mean().lerp(b.mean(), part), b.count())
-                });
-                let mixed: Vec<Halves> = mixed.collect();
-                let error = judge(&mixed);
+            now = self.blur(&now, 1 << level);
+            let after = self.means(&now);
+            for way in [mix(&before, &after, 0.5), after.clone()] {
+                let error = judge(&way);
                 if error < least {
-                    (least, best) = (error, mixed);
+                    (least, best) = (error, way);
                 }
             }
-            now = next;
+            before = after;
         }
         best
     }
 }
 
+/// A part of the way from some values to others.
+fn mix(from: &[Vec2], to: &[Vec2], part: f32) -> Vec<Vec2> {
+    let pairs = from.par_iter().zip(to);
+    pairs.map(|(from, to)| from.lerp(*to, part)).collect()
+}
+
 /// Rounds of means, each over twice the distance.
-const LEVELS: usize = 5;
+const LEVELS: usize = 6;
 
 /// Rounds of which planes are fitted to what goes in.
 const FITS: usize = 3;
 
 impl Filter<'_> {
-    /// The halves of the pixels, filtered in several ways.
-    fn ways(
+    /// The halves of the pixels, filtered in the ways that are best.
+    fn filter(
         &self,
         gathered: Vec<Halves>,
-        corrected: &[Halves],
-    ) -> Vec<Vec<Vec2>> {
+        corrected: &[Vec2],
+    ) -> Vec<Vec2> {
+        // Fill the fragments without samples
+        let sum = |p| self.shown.range(p).map(|f| gathered[f].0).sum();
+        let area = (0..corrected.len()).into_par_iter();
+        let around: Vec<_> = area.map(|p| Halves(sum(p))).collect();
+        let around = self.blur(&self.blur(&around, 1), 2);
         let mut now = gathered;
-        let around = self.smooth(&now, 1, true);
-        let around = self.smooth(&around, 2, true);
-        for (halves, around) in now.iter_mut().zip(&around) {
+        for (halves, &p) in now.iter_mut().zip(&self.pixels) {
             if !halves.is_whole() {
-                *halves = Halves::new(around.mean(), Vec2::splat(FEW));
+                let mean = around[p as usize].mean();
+                *halves = Halves::new(mean, Vec2::splat(FEW));
             }
         }
-        let mut ways = vec![self.compose(&now, corrected)];
+        let show = |values: &[Halves]| {
+            let mut shown = self.compose(values);
+            let more = corrected.par_iter();
+            shown.par_iter_mut().zip(more).for_each(|(a, b)| *a += b);
+            shown
+        };
+        let mut best = Best::new(&self.grid, &self.classes);
+        let mut offer = |way: &[Vec2]| best.offer(way, &self.errors(way));
+        let mut before = show(&now);
+        offer(&before);
         for level in 0..LEVELS {
             if level < FITS {
-                let fitted = self.fit(&now, 1 << level, &around);
-                ways.push(self.compose(&fitted, corrected));
+                offer(&show(&self.fit(&now, 1 << level, &around)));
             }
-            let next = self.smooth(&now, 1 << level, false);
-            let before = self.compose(&now, corrected);
-            let after = self.compose(&next, corrected);
-            for part in [0.25, 0.5] {
-                let mixed = before.iter().zip(&after);
-                ways.push(mixed.map(|(a, b)| a.lerp(*b, part)).collect());
-            }
-            ways.push(after);
-            now = next;
+            now = self.smooth(&now, 1 << level);
+            let after = show(&now);
+            offer(&mix(&before, &after, 0.5));
+            offer(&after);
+            before = after;
         }
-        ways
-    }
-}
-
-impl Filter<'_> {
-    /// Chooses for each class of pixels in each block the way with the least
-    /// error, and goes over from one block to the next.
-    fn choose(&self, ways: &[Vec<Vec2>]) -> Vec<Vec2> {
-        let area = self.classes.len();
-        let grid = Grid::new(self.width, area / self.width);
-        // Add up the errors of each way
-        let errors = ways.par_iter().map(|shown| {
-            let mut sums = vec![[0.; CLASSES]; grid.count()];
-            for (p, &halves) in shown.iter().enumerate() {
-                if let Some(class) = self.classes[p] {
-                    let error = self.error(p, halves).element_sum();
-                    sums[grid.block(p)][class] += error;
-                }
-            }
-            sums
-        });
-        let errors: Vec<Vec<[f64; CLASSES]>> = errors.collect();
-        // Choose a way for all blocks, and for each
-        let least = |first: usize, error: &dyn Fn(usize) -> f64| {
-            (0..ways.len()).fold(first, |best, way| {
-                if error(way) < error(best) { way } else { best }
-            })
-        };
-        let common: [usize; CLASSES] = array::from_fn(|class| {
-            let sum = |way: usize| errors[way].iter().map(|it| it[class]);
-            least(0, &|way| sum(way).sum::<f64>())
-        });
-        let picks = (0..grid.count()).map(|block| {
-            array::from_fn(|class| {
-                least(common[class], &|way| errors[way][block][class])
-            })
-        });
-        let picks: Vec<[usize; CLASSES]> = picks.collect();
-        let pixel = |p: usize| match self.classes[p] {
-            None => ways[0][p],
-            Some(class) => {
-                let near = grid.near(p).into_iter();
-                near.map(|(block, part)| {
-                    part * ways[picks[block][class]][p]
-                })
-                .sum()
-            }
-        };
-        (0..area).into_par_iter().map(pixel).collect()
-    }
-}
-
-/// Blocks of about 80 by 80 pixels that choose their filter.
-struct Grid {
-    width: usize,
-    blocks: [usize; 2],
-    /// Blocks in a pixel, by column and row.
-    scale: [f32; 2],
-}
-
-impl Grid {
-    fn new(width: usize, height: usize) -> Self {
-        let blocks = [width, height].map(|n| (n / 80).max(1));
-        let scale = [
-            blocks[0] as f32 / width as f32,
-            blocks[1] as f32 / height as f32,
-        ];
-        Self { width, blocks, scale }
-    }
-
-    fn count(&self) -> usize {
-        self.blocks[0] * self.blocks[1]
-    }
-
-    /// Where a pixel lies, in blocks.
-    fn place(&self, p: usize) -> [f32; 2] {
-        let place = [p % self.width, p / self.width];
-        array::from_fn(|k| (place[k] as f32 + 0.5) * self.scale[k])
-    }
-
-    /// The block of a pixel.
-    fn block(&self, p: usize) -> usize {
-        let [x, y] = self.place(p).map(|at| at as usize);
-        y * self.blocks[0] + x
-    }
-
-    /// The four blocks whose middles are around a pixel, and how much of each
-    /// counts there.
-    fn near(&self, p: usize) -> [(usize, f32); 4] {
-        let [x, y] = self.place(p).map(|at| at - 0.5);
-        array::from_fn(|k| {
-            let side = |at: f32, far: bool, n: usize| {
-                let (low, part) = (at.floor(), at - at.floor());
-                let block = low + f32::from(far);
-                let block = block.clamp(0., (n - 1) as f32) as usize;
-                (block, if far { part } else { 1. - part })
-            };
-            let (column, across) = side(x, k % 2 == 1, self.blocks[0]);
-            let (row, down) = side(y, k / 2 == 1, self.blocks[1]);
-            (row * self.blocks[0] + column, across * down)
-        })
+        best.blend()
     }
 }
 
@@ -500,9 +505,7 @@ impl Filtered {
             return None;
         }
         let corrected = filter.correct(&gathered, corrected);
-        let ways = filter.ways(gathered, &corrected);
-        let shown = filter.choose(&ways);
-        drop(ways);
+        let shown = filter.filter(gathered, &corrected);
         // Find the error of the image
         let mut known = [[0; 2]; CLASSES];
         for (class, whole) in filter.classes.iter().zip(&filter.whole) {
@@ -510,31 +513,28 @@ impl Filtered {
                 known[class][usize::from(whole.is_some())] += 1;
             }
         }
-        let sums = filter.errors(&shown).into_iter().zip(known);
-        let sums = sums.map(|(sum, [without, with])| {
+        let errors = filter.errors(&shown);
+        let sum = |(class, [without, with]): (usize, [u32; 2])| {
+            let sum: DVec2 = errors.iter().map(|it| it[class]).sum();
             sum * f64::from(without + with) / f64::from(with.max(1))
-        });
-        let error = sums.sum::<DVec2>() / shown.len() as f64;
+        };
+        let sum: DVec2 = known.into_iter().enumerate().map(sum).sum();
+        let error = sum / shown.len() as f64;
         let square = error.y.max(0.);
         let (rmse, bias) = ((error.x + square).sqrt(), square.sqrt());
         // State the error of each pixel
-        let variances = filter.pixels.iter().map(|&p| {
-            let p = p as usize;
-            let variance = filter.error(p, shown[p]).x as f32;
+        let variance = |(p, shown)| {
+            let variance = filter.error(p, shown).x as f32;
             let count = f32::from(filter.whole[p].is_some());
             Halves::new(Vec2::splat(variance), Vec2::splat(count))
-        });
-        let mut variances: Vec<Halves> = variances.collect();
-        for level in 0..3 {
-            variances = filter.smooth(&variances, 1 << level, true);
-        }
-        let variance = |p| {
-            let own = &variances[filter.shown.range(p)];
-            let sum: f32 = own.iter().map(|it| it.mean().x).sum();
-            f64::from(sum) / own.len().max(1) as f64
         };
-        let errors =
-            (0..shown.len()).map(|p| (variance(p) + square).sqrt());
+        let pixels = shown.par_iter().copied().enumerate();
+        let mut variances: Vec<Halves> = pixels.map(variance).collect();
+        for level in 0..3 {
+            variances = filter.blur(&variances, 1 << level);
+        }
+        let errors = variances.iter().map(|it| f64::from(it.mean().x));
+        let errors = errors.map(|variance| (variance + square).sqrt());
         let means = shown.iter().map(|it| f64::from(0.5 * (it.x + it.y)));
         let (columns, rows) = film.window.size;
         let (errors, means) = (Some(errors.collect()), means.collect());

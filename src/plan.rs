@@ -364,6 +364,15 @@ impl Plan {
         is_whole && !files.is_empty() && files.iter().all(is_picture)
     }
 
+    /// Whether it shows a picture that is filtered.
+    pub fn filters(&self) -> bool {
+        let has_picture =
+            self.outputs.of(Product::is_picture).next().is_some();
+        let has_noise = self.method == Some(Method::Reference);
+        let is_image = has_picture && self.camera().is_some();
+        is_image && self.outputs.filter && !has_noise
+    }
+
     /// The instructions to trace rays with.
     pub fn isa(&self) -> Isa {
         self.isa.unwrap_or_else(Isa::best)

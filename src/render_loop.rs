@@ -29,6 +29,8 @@ pub type Judge = fn(&Film) -> Option<f64>;
 pub struct Limits<'a> {
     /// At most so many samples of each pixel.
     pub samples: Option<u64>,
+    /// So many of each pixel in any case, unless a signal arrives.
+    pub least: u64,
     /// The time at which the program should end.
     pub deadline: Option<Instant>,
     /// The seconds that it needs after the last sample to write its files:
@@ -190,7 +192,8 @@ impl Convergence {
         let goes_on = |paths: u64| {
             let end = limits.end(paths as f64 / area as f64);
             let over = |end: Instant| limits.now() >= end.max(first);
-            limits.signal().is_none() && !end.is_some_and(over)
+            let is_open = paths < limits.least.saturating_mul(area);
+            limits.signal().is_none() && (is_open || !end.is_some_and(over))
         };
         let taken = AtomicU64::new(self.spp.saturating_mul(area));
         let watch = |paths| {
@@ -320,8 +323,8 @@ impl Convergence {
         let pace = self.pace.filter(|&pace| pace < SLICE).unwrap_or(0.);
         let now = limits.now() + Duration::from_secs_f64(pace);
         let is_over = |end| match self.spp {
-            0 => now >= first.max(end),
-            _ => now >= end,
+            0 => limits.least == 0 && now >= first.max(end),
+            spp => spp >= limits.least && now >= end,
         };
         limits.end(1.).is_some_and(is_over).then_some(Stop::Time)
     }

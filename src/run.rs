@@ -32,14 +32,14 @@ use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::film::{Film, Fragments, NEIGHBOUR_WEIGHT};
-use crate::filter::fragments;
+use crate::filter::{Filtered, fragments};
 use crate::host::{Host, Interrupt};
 use crate::image::{Image, Picture};
 use crate::inputs::in_first_rank;
 use crate::integrator::gather::Learnt;
 use crate::key::RunKey;
 use crate::memory::zeroed;
-use crate::plan::{Budget, Plan, Product, require};
+use crate::plan::{Budget, Plan, require};
 use crate::render::Renderer;
 use crate::render::choose::samples_if_known;
 use crate::render::choose::{Choice, Method, Request, Sampling};
@@ -76,6 +76,8 @@ pub struct Run<'a> {
     pub learnt: Arc<OnceLock<Learnt>>,
     /// Makes its samples.
     pub renderer: Box<dyn Renderer + 'a>,
+    /// What its pixels show, once that is known.
+    shown: OnceLock<Arc<Fragments>>,
 }
 
 impl<'a> Run<'a> {
@@ -127,7 +129,8 @@ impl<'a> Run<'a> {
     ) -> Self {
         let (setup, shared) = (world.setup(), learnt.clone());
         let renderer = setup.renderer(&key.sampling, shared, host.ranks);
-        Self { plan, world, host, key, choice, learnt, renderer }
+        let shown = OnceLock::new();
+        Self { plan, world, host, key, choice, learnt, renderer, shown }
     }
 
     /// A run whose image is worth to be shown soon, and is filtered.
@@ -137,8 +140,8 @@ impl<'a> Run<'a> {
         host: Host<'a>,
     ) -> Self {
         let budget = Budget::samples(64);
-        let request =
-            Request { left: None, budget, ..request(plan, world, host) };
+        let asked = request(plan, world, host);
+        let request = Request { left: None, budget, shows: false, ..asked };
         let (sampling, choice) = world.setup().decide(&request, None);
         let sampling = sampling.for_display();
         let filtered = sampling.method != Method::Reference;
@@ -146,10 +149,57 @@ impl<'a> Run<'a> {
         Self::with(world, plan, host, key, choice, Arc::default())
     }
 
+    /// A glance, with its film, to be shown until there is a better picture; none
+    /// if that is not needed, or a signal arrives.
+    ///
+    /// # Errors
+    /// There is too little memory.
+    pub fn first_picture(
+        &self,
+        interrupt: &Interrupt,
+    ) -> Result<Option<(Film, Filtered)>> {
+        let &Self { plan, world, host, .. } = self;
+        let Budget { samples, time, .. } = plan.budget;
+        let is_soon =
+            time.is_none() && samples.is_some_and(|n| (4..16).contains(&n));
+        let (_, processes) = host.ranks.rank_and_size();
+        let is_part = plan.part.is_some() || processes > 1;
+        if is_soon || is_part || self.key.sampling.glance || !plan.filters()
+        {
+            return Ok(None);
+        }
+        let asked = request(plan, world, host);
+        let request = Request { left: Some(0.), shows: true, ..asked };
+        let (sampling, _) = world.setup().decide(&request, None);
+        let key = run_key(plan, world, sampling, sampling.glance);
+        let shown = self.shown.clone();
+        let mut run =
+            Self::with(world, plan, host, key, None, Arc::default());
+        run.shown = shown;
+        let (mut film, mut convergence) = run.film(None)?;
+        let samples = Some(run.least());
+        let limits = Limits {
+            samples,
+            interrupt: Some(interrupt),
+            ..Limits::default()
+        };
+        let renderer = &mut *run.renderer;
+        let (advance, after) = (&|_| (), &mut |_: &_, _: &_| ());
+        convergence.run(renderer, &mut film, &limits, advance, after);
+        Ok(Filtered::of(&film).map(|filtered| (film, filtered)))
+    }
+
     /// The samples of each pixel to render here, if they are limited.
     pub fn goal(&self) -> Option<u64> {
         let part = self.key.part.map(|part| part.count());
-        part.or(self.plan.budget.samples)
+        let least = self.least();
+        part.or(self.plan.budget.samples).map(|n| n.max(least))
+    }
+
+    /// The samples of each pixel that no limit ends: those of a glance.
+    fn least(&self) -> u64 {
+        let sampling = &self.key.sampling;
+        if sampling.glance { 2 * sampling.net_size } else { 0 }
     }
 
     /// What the pixels show, if a picture is to be filtered.
@@ -158,7 +208,7 @@ impl<'a> Run<'a> {
         let [run_window, window] = key.windows();
         let windows = (window, run_window);
         let trace = || fragments(&world.bvh, &view, windows).into();
-        key.filtered.then(trace)
+        key.filtered.then(|| self.shown.get_or_init(trace).clone())
     }
 
     /// The film and what it has so far: nothing yet, or what is saved.
@@ -221,6 +271,7 @@ impl<'a> Run<'a> {
         let (error, norm) = self.plan.budget.error.unzip();
         Limits {
             samples: self.goal().or(enough),
+            least: self.least(),
             deadline: self.plan.budget.deadline(self.host.start),
             error,
             norm: norm.unwrap_or_default(),
@@ -277,13 +328,12 @@ impl<'a> Run<'a> {
     /// The report of the run, which has not begun.
     pub fn report(&self) -> Report {
         let Self { plan, world, key, .. } = self;
-        let samples = key.part.map(|part| part.count());
         let (error, norm) = plan.budget.error.unzip();
         let reference = plan.reference.as_ref();
         let settings = Settings {
             subject: Some(key.subject.clone()),
             seed: key.sampling.seed,
-            spp: samples.or(plan.budget.samples),
+            spp: self.goal(),
             time: plan.budget.time,
             error,
             reference: reference.map(|path| path.display().to_string()),
@@ -395,6 +445,7 @@ fn request(plan: &Plan, world: &World, host: Host) -> Request {
         left: deadline.map(|end| {
             end.saturating_duration_since(Instant::now()).as_secs_f64()
         }),
+        shows: plan.shows_only_pictures() && plan.filters(),
     }
 }
 
@@ -427,11 +478,9 @@ fn keeps_halves(
     had_halves: bool,
     host: Host,
 ) -> bool {
-    let outputs = &plan.outputs;
-    let shows = outputs.of(Product::is_picture).next().is_some()
-        || plan.part.is_some() && plan.camera().is_some();
-    let is_wanted =
-        sampling.method != Method::Reference && shows && outputs.filter;
+    let is_part = plan.part.is_some() && plan.camera().is_some();
+    let shows = plan.filters() || is_part && plan.outputs.filter;
+    let is_wanted = sampling.method != Method::Reference && shows;
     if is_wanted && !had_halves {
         host.warn(
             "the run was begun without a picture: none can be filtered",

@@ -51,6 +51,8 @@ pub struct RunOutput<'a> {
     world: Option<&'a World>,
     /// What the pixels show, once that is asked for.
     shown: OnceCell<Arc<Fragments>>,
+    /// The film and the picture of a glance, if there is one.
+    pub first: Option<(Film, Filtered)>,
 }
 
 impl RunFile {
@@ -93,7 +95,8 @@ impl<'a> RunOutput<'a> {
         };
         let files = files.into_iter().map(file).collect();
         let shown = OnceCell::new();
-        Self { files, every, record, exposure, world, shown }
+        let first = None;
+        Self { files, every, record, exposure, world, shown, first }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -108,7 +111,7 @@ impl<'a> RunOutput<'a> {
         now: Option<Instant>,
     ) -> Result<()> {
         let &mut Self { world, exposure, .. } = self;
-        let Self { files, every, record, shown, .. } = self;
+        let Self { files, every, record, shown, first, .. } = self;
         let camera = world.filter(|world| world.table().is_none());
         record.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
@@ -119,20 +122,27 @@ impl<'a> RunOutput<'a> {
         // Filter the image if a file shows it
         let began = Instant::now();
         let shows = due.iter().any(|product| product.is_picture());
-        let filtered = if shows { Filtered::of(film) } else { None };
-        record.report.picture = filtered.as_ref().map(|f| f.error);
+        let own = if shows { Filtered::of(film) } else { None };
         let filtering = began.elapsed();
-        let filtered = filtered.as_ref().map(|filtered| &filtered.image);
+        let first = first.as_ref().filter(|(_, glance)| {
+            let is_less =
+                |own: &Filtered| glance.error.rmse < own.error.rmse;
+            shows && own.as_ref().is_none_or(is_less)
+        });
+        let filtered = first.map(|(_, glance)| glance).or(own.as_ref());
+        let seen = first.map_or(film, |(glance, _)| glance);
+        record.report.picture = filtered.map(|filtered| filtered.error);
+        let filtered = filtered.map(|filtered| &filtered.image);
         let [stops, auto] =
-            expose(&mut record.report, exposure, (film, camera), &due);
+            expose(&mut record.report, exposure, (seen, camera), &due);
         // Cut the scene out of its background
         let has = |format| due.contains(&Product::Image(format));
         let background = record.run_key.subject.sky.background;
         let cut =
             background.filter(|_| has(Format::Png) || has(Format::Exr));
-        let cut = cut.filter(|_| film.unsampled() == 0).and(camera);
+        let cut = cut.filter(|_| seen.unsampled() == 0).and(camera);
         let trace = |world: &World| {
-            let (own, view) = (film.fragments.clone(), world.view());
+            let (own, view) = (seen.fragments.clone(), world.view());
             let windows = (film.window, film.run_window);
             let trace = || fragments(&world.bvh, &view, windows);
             own.unwrap_or_else(|| trace().into())
@@ -197,7 +207,7 @@ impl<'a> RunOutput<'a> {
         let none = if is_saved { state } else { 0. } + 0.15 * files;
         let threads = rayon::current_num_threads() as f64;
         let is_filtered = self.record.run_key.filtered;
-        let filter = if is_filtered { 11000. / threads } else { 0. };
+        let filter = if is_filtered { 4500. / threads } else { 0. };
         let is_cut = self.record.run_key.subject.sky.background.is_some();
         let cut = if is_cut { 5000. / threads } else { 0. };
         let most = summary + files + filter + cut;

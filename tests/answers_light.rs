@@ -164,7 +164,7 @@ fn gather(
     count: u64,
 ) -> (Accumulator, f64) {
     let gather = &Gather { seed: 4, correction, ..setting.gather((4, 4)) };
-    let allocation = &Allocation::even(Film::new(4, 4).window);
+    let allocation = &Allocation::even(Film::new(4, 4).window, 1);
     let tracer = tracer(gather, cache, allocation);
     let (pixels, mut sum, rays) = scrambles(tracer, count);
     if correction.is_none() {

@@ -25,6 +25,7 @@ const ANY: Request = Request {
     window: Window { corner: (0, 0), size: SIZE },
     budget: OPEN,
     left: None,
+    shows: false,
 };
 
 /// No limit.

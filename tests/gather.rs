@@ -437,7 +437,7 @@ impl Stage {
 }
 
 fn even(film: &Film) -> Allocation {
-    Allocation::even(film.window)
+    Allocation::even(film.window, 1)
 }
 
 /// A cache of what somebody says. The cells of a part of its surfaces have

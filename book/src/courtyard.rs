@@ -14,8 +14,8 @@ use litpt::camera::View;
 use litpt::scene::{Mesh, read_obj};
 
 use crate::sweep::{
-    Flat, Point, Solid, block, fan, lathe, semicircle, sweep, turned,
-    write_obj,
+    Flat, Point, Solid, block, fan, lathe, moulding, rectangle, semicircle,
+    sweep, turned, write_obj,
 };
 
 /// Round arches in a wall; lengths in metres, springing line at y = 0.
@@ -162,20 +162,9 @@ const STOREYS: [Storey; 2] = [
     },
 ];
 
-// Run a moulding around the court
-fn moulding(profile: &[Flat]) -> Solid {
-    let corner = |x: f64, z: f64| -> Vec<Point> {
-        let at = |&[o, y]: &Flat| [x * (HALF[0] + o), y, z * (HALF[1] + o)];
-        profile.iter().map(at).collect()
-    };
-    let [a, b] = [corner(1.0, 1.0), corner(-1.0, 1.0)];
-    let [c, d] = [corner(-1.0, -1.0), corner(1.0, -1.0)];
-    sweep(&[a.clone(), b, c, d, a], &[])
-}
-
 // Run a rectangular course around
 fn course(o: [f64; 2], y: [f64; 2]) -> Solid {
-    moulding(&[[o[0], y[0]], [o[1], y[0]], [o[1], y[1]], [o[0], y[1]]])
+    moulding(HALF, &rectangle(o, y))
 }
 
 const STRING_COURSE: [[Flat; 4]; 2] = [
@@ -266,7 +255,8 @@ impl Court {
     fn courses(&mut self) {
         let [lower, upper] = [0, 1].map(|i| STOREYS[i].spring + 1.8);
         let raised = |profile: &[[Flat; 4]], by: f64| {
-            moulding(&profile.concat()).moved(|[x, y, z]| [x, y + by, z])
+            moulding(HALF, &profile.concat())
+                .moved(|[x, y, z]| [x, y + by, z])
         };
         let roof = upper + 0.45;
         let courses = [

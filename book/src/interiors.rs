@@ -18,6 +18,7 @@ use litpt::camera::View;
 use litpt::scene::Mesh;
 
 use crate::mixtures::options;
+use crate::room::room;
 use crate::solids::add;
 use crate::sweep::{
     Flat, Point, Solid, block, fan, lathe, semicircle, sweep,
@@ -33,11 +34,12 @@ pub struct Interior {
 }
 
 impl Interior {
-    /// The interior of a name, `corridor` or `backroom`.
+    /// The interior of a name: `corridor`, `backroom` or `room`.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "corridor" => Some(corridor()),
             "backroom" => Some(backroom()),
+            "room" => Some(room()),
             _ => None,
         }
     }
@@ -68,7 +70,7 @@ fn joined(solids: &[Solid]) -> Mesh {
     mesh
 }
 
-fn view(from: Point, to: Point) -> View {
+pub(crate) fn view(from: Point, to: Point) -> View {
     let [position, target] = [from, to].map(DVec3::from_array);
     View { position, target, up: DVec3::Y, fov: 70. }
 }
@@ -81,7 +83,7 @@ fn varied(i: usize, [low, high]: [f64; 2]) -> f64 {
 
 /// A solid that is turned about the y axis, from x towards z, by the angle
 /// whose cosine and sine are proportional to these, and then moved.
-fn placed(solid: Solid, [c, s]: Flat, at: Point) -> Solid {
+pub(crate) fn placed(solid: Solid, [c, s]: Flat, at: Point) -> Solid {
     let length = (c * c + s * s).sqrt();
     let (c, s) = (c / length, s / length);
     solid.moved(|[x, y, z]| {

@@ -15,6 +15,7 @@ pub mod interiors;
 pub mod mixtures;
 pub mod oracle;
 pub mod paths;
+pub mod room;
 pub mod settings;
 pub mod solids;
 pub mod sweep;

@@ -118,11 +118,15 @@ pub fn fan(corners: usize) -> Vec<[usize; 3]> {
     (2..corners).map(|i| [0, i - 1, i]).collect()
 }
 
+/// A rectangle between bounds, the smaller of each pair first.
+pub fn rectangle(x: [f64; 2], y: [f64; 2]) -> [Flat; 4] {
+    [[x[0], y[0]], [x[1], y[0]], [x[1], y[1]], [x[0], y[1]]]
+}
+
 /// A box between bounds, the smaller of each pair first.
 pub fn block(x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> Solid {
-    let at = |i: usize, j: usize, z| [x[i], y[j], z];
-    let ring = |z| [at(0, 0, z), at(1, 0, z), at(1, 1, z), at(0, 1, z)];
-    sweep(&z.map(|z| ring(z).to_vec()), &fan(4))
+    let ring = |z| rectangle(x, y).map(|[x, y]| [x, y, z]).to_vec();
+    sweep(&z.map(ring), &fan(4))
 }
 
 /// A surface of revolution with pairs of radius and height.
@@ -138,6 +142,17 @@ pub fn lathe(profile: &[Flat], sides: usize) -> Solid {
     };
     let rings: Vec<_> = profile.iter().map(ring).collect();
     sweep(&rings, &fan(circle.len()))
+}
+
+/// A moulding around a rectangle with these half sides along x and z; the
+/// profile has pairs of distance outwards and height.
+pub fn moulding(half: [f64; 2], profile: &[Flat]) -> Solid {
+    let corner = |[x, z]: [f64; 2]| -> Vec<Point> {
+        let at = |&[o, y]: &Flat| [x * (half[0] + o), y, z * (half[1] + o)];
+        profile.iter().map(at).collect()
+    };
+    let corners = [[1., 1.], [-1., 1.], [-1., -1.], [1., -1.], [1., 1.]];
+    sweep(&corners.map(corner), &[])
 }
 
 /// Writes solids as a Wavefront OBJ, one object each, five decimals.

@@ -1,18 +1,39 @@
-//! The courtyard keeps its promises: closed solids that look outwards and
-//! share no plane of contact, and the same bytes everywhere.
+//! The courtyard and the room keep their promises: closed solids that look
+//! outwards and share no plane of contact, and the same bytes everywhere.
 
 use std::collections::{HashMap, HashSet};
 
-use litpt_book::courtyard::solids;
+use litpt_book::courtyard;
+use litpt_book::room::room;
 use litpt_book::sweep::{Point, Solid, write_obj};
 
-/// FNV-1a of the whole OBJ; a change of the scene changes this line.
-const CHECKSUM: u64 = 0x8ebc_cd72_dfc0_0d8f;
+/// FNV-1a of both OBJs; a change of a scene changes its number.
+const CHECKSUMS: [u64; 2] = [0x8ebc_cd72_dfc0_0d8f, 0x0776_55b2_3945_c7da];
 
-fn obj() -> String {
+/// Least volume of a solid and least area of a triangle, in metres.
+const LEAST: [[f64; 2]; 2] = [[1e-5, 1e-6], [1e-6, 1e-8]];
+
+fn scenes() -> [Vec<Solid>; 2] {
+    [courtyard::solids(), room().solids]
+}
+
+fn obj(scene: &[Solid]) -> String {
     let mut text = Vec::new();
-    write_obj(&solids(), &mut text).unwrap();
+    write_obj(scene, &mut text).unwrap();
     String::from_utf8(text).unwrap()
+}
+
+/// The scenes as readers of the OBJs have them.
+fn read() -> [Vec<Solid>; 2] {
+    scenes().map(|scene| parse(&obj(&scene)))
+}
+
+/// Their solids, each with what is least in its scene.
+fn solids_and_least() -> impl Iterator<Item = (Solid, [f64; 2])> {
+    let pairs = read().into_iter().zip(LEAST);
+    pairs.flat_map(|(scene, least)| {
+        scene.into_iter().map(move |s| (s, least))
+    })
 }
 
 /// The scene as a reader of the OBJ sees it: rounded, indices from zero.
@@ -87,14 +108,14 @@ fn unmatched_edges(solid: &Solid) -> usize {
 
 #[test]
 fn every_solid_is_closed_and_consistently_oriented() {
-    for solid in parse(&obj()) {
+    for solid in read().into_iter().flatten() {
         assert_eq!(unmatched_edges(&solid), 0, "{}", solid.name);
     }
 }
 
 #[test]
 fn a_missing_or_reversed_triangle_is_noticed() {
-    let mut solid = solids().swap_remove(0);
+    let mut solid = courtyard::solids().swap_remove(0);
     let last = solid.triangles.pop().unwrap();
     assert_eq!(unmatched_edges(&solid), 3);
     solid.triangles.push([last[1], last[0], last[2]]);
@@ -103,31 +124,31 @@ fn a_missing_or_reversed_triangle_is_noticed() {
 
 #[test]
 fn every_solid_has_a_positive_volume() {
-    for solid in parse(&obj()) {
+    for (solid, [least, _]) in solids_and_least() {
         // The first vertex as origin keeps the sum free of cancellation.
         let origin = solid.vertices[0];
         let volume: f64 = corners(&solid)
             .map(|t| t.map(|p| sub(p, origin)))
             .map(|[a, b, c]| dot(a, cross(b, c)) / 6.0)
             .sum();
-        assert!(volume > 1e-5, "{}: {volume} m3", solid.name);
+        assert!(volume > least, "{}: {volume} m3", solid.name);
     }
 }
 
 #[test]
 fn no_triangle_is_degenerate_after_rounding() {
-    for solid in parse(&obj()) {
+    for (solid, [_, least]) in solids_and_least() {
         for t in corners(&solid) {
             let n = normal(t);
             let area = dot(n, n).sqrt() / 2.0;
-            assert!(area > 1e-6, "{}: {t:?} has {area} m2", solid.name);
+            assert!(area > least, "{}: {t:?} has {area} m2", solid.name);
         }
     }
 }
 
 #[test]
 fn vertices_of_a_solid_stay_different_after_rounding() {
-    for solid in parse(&obj()) {
+    for solid in read().into_iter().flatten() {
         let places = solid.vertices.iter().map(|p| p.map(f64::to_bits));
         let different: HashSet<_> = places.collect();
         assert_eq!(different.len(), solid.vertices.len(), "{}", solid.name);
@@ -163,9 +184,8 @@ fn overlap(s: [Point; 3], t: [Point; 3]) -> bool {
     !apart(s) && !apart(t)
 }
 
-#[test]
-fn no_two_solids_overlap_in_a_common_plane() {
-    let scene = parse(&obj());
+/// The kinds of solids that overlap in a common plane, with the plane.
+fn overlaps(scene: &[Solid]) -> HashSet<(String, String, [i64; 4])> {
     let mut planes: HashMap<[i64; 4], Vec<(usize, [Point; 3])>> =
         HashMap::new();
     for (i, solid) in scene.iter().enumerate() {
@@ -186,7 +206,15 @@ fn no_two_solids_overlap_in_a_common_plane() {
             }
         }
     }
-    assert!(found.is_empty(), "{found:?}");
+    found
+}
+
+#[test]
+fn no_two_solids_overlap_in_a_common_plane() {
+    for scene in read() {
+        let found = overlaps(&scene);
+        assert!(found.is_empty(), "{found:?}");
+    }
 }
 
 #[test]
@@ -198,38 +226,45 @@ fn overlapping_triangles_of_one_plane_are_noticed() {
 }
 
 #[test]
-fn the_scene_has_at_least_sixty_thousand_triangles() {
-    let triangles: usize = solids().iter().map(|s| s.triangles.len()).sum();
-    assert!(triangles >= 60_000, "{triangles}");
+fn the_scenes_have_some_ten_thousands_of_triangles() {
+    for (scene, least) in scenes().iter().zip([60_000, 50_000]) {
+        let count: usize = scene.iter().map(|s| s.triangles.len()).sum();
+        assert!((least..100_000).contains(&count), "{count}");
+    }
 }
 
 #[test]
 fn two_runs_write_the_recorded_bytes() {
-    let text = obj();
-    assert!(text == obj());
-    let fnv = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    });
-    assert_eq!(fnv, CHECKSUM, "the scene is now {fnv:#018x}");
+    for ((a, b), sum) in scenes().iter().zip(&scenes()).zip(CHECKSUMS) {
+        let text = obj(a);
+        assert!(text == obj(b));
+        let fnv = text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        assert_eq!(fnv, sum, "the scene is now {fnv:#018x}");
+    }
 }
 
 #[test]
 fn the_obj_reads_back_as_the_same_scene() {
-    let (written, read) = (solids(), parse(&obj()));
-    assert_eq!(written.len(), read.len());
-    for (a, b) in written.iter().zip(&read) {
-        assert_eq!((&a.name, &a.triangles), (&b.name, &b.triangles));
-        assert_eq!(a.vertices.len(), b.vertices.len());
-        for (p, q) in a.vertices.iter().zip(&b.vertices) {
-            let near = (0..3).all(|k| (p[k] - q[k]).abs() <= 0.500_001e-5);
-            assert!(near, "{}: {p:?} {q:?}", a.name);
+    for (written, read) in scenes().iter().zip(read()) {
+        assert_eq!(written.len(), read.len());
+        for (a, b) in written.iter().zip(&read) {
+            assert_eq!((&a.name, &a.triangles), (&b.name, &b.triangles));
+            assert_eq!(a.vertices.len(), b.vertices.len());
+            for (p, q) in a.vertices.iter().zip(&b.vertices) {
+                let near =
+                    (0..3).all(|k| (p[k] - q[k]).abs() <= 0.500_001e-5);
+                assert!(near, "{}: {p:?} {q:?}", a.name);
+            }
         }
     }
 }
 
 #[test]
 fn solids_have_different_names() {
-    let scene = solids();
-    let names: HashSet<_> = scene.iter().map(|s| &s.name).collect();
-    assert_eq!(names.len(), scene.len());
+    for scene in scenes() {
+        let names: HashSet<_> = scene.iter().map(|s| &s.name).collect();
+        assert_eq!(names.len(), scene.len());
+    }
 }

@@ -1,5 +1,6 @@
-//! The corridor and the back room: closed solids, no light but through the
-//! opening, and in the corridor none after fewer than three reflections.
+//! The corridor, the back room and the furnished room: closed solids, no
+//! light but through the opening, and in the corridor none after fewer than
+//! three reflections.
 //!
 //! Copyright (C) 2026 litpt contributors
 //! SPDX-License-Identifier: GPL-3.0-or-later
@@ -19,9 +20,10 @@ use litpt::scene::{Mesh, Scene};
 use litpt::sensor::Sensor;
 use litpt::sky::Sky;
 use litpt_book::interiors::Interior;
+use litpt_book::solids::winding;
 use litpt_book::sweep::Solid;
 
-const NAMES: [&str; 2] = ["corridor", "backroom"];
+const NAMES: [&str; 3] = ["corridor", "backroom", "room"];
 
 fn named(name: &str) -> Interior {
     Interior::named(name).unwrap()
@@ -105,8 +107,8 @@ fn each_solid_is_closed_and_looks_outwards() {
 }
 
 #[test]
-fn they_have_some_ten_thousand_triangles() {
-    for name in NAMES {
+fn two_have_some_ten_thousand_triangles() {
+    for name in ["corridor", "backroom"] {
         let count = named(name).mesh().triangles.len();
         assert!((8_000..20_000).contains(&count), "{name}: {count}");
     }
@@ -130,4 +132,18 @@ fn light_in_the_corridor_needs_three_reflections() {
     let mesh = named("corridor").mesh();
     assert_eq!(0., mean(&mesh, &view, 2, 4096));
     assert!(mean(&mesh, &view, 3, 4096) > 0.);
+}
+
+#[test]
+fn the_camera_of_the_room_is_between_the_solids_and_sees_the_sky() {
+    let Interior { view, solids, .. } = named("room");
+    for solid in solids {
+        let corner = |i: u32| DVec3::from_array(solid.vertices[i as usize]);
+        let triangles: Vec<_> =
+            solid.triangles.iter().map(|t| t.map(corner)).collect();
+        let around = winding(&triangles, view.position);
+        assert!(around.abs() < 1e-9, "{}: {around}", solid.name);
+    }
+    let share = mean(&named("room").mesh(), &view, 0, 64);
+    assert!((0.01..0.05).contains(&share), "{share}");
 }

@@ -98,7 +98,7 @@ fn run(
     // Watch for signals from the start
     let end = hard_deadline(&plan.budget, start);
     let picture_error = plan.outputs.picture_error;
-    let end = end.filter(|_| !execution.dry_run && picture_error.is_none());
+    let end = end.filter(|_| !execution.dry_run && !plan.filters());
     let watchdog = Watchdog::spawn(listen()?, end);
     let host = Host { listen: &|event| watchdog.hear(event), ranks, start };
     // Check what needs no scene, and prepare the scene
@@ -207,6 +207,13 @@ fn render(
     watchdog: &Watchdog,
 ) -> Result<Stop> {
     let (mut film, mut convergence) = run.film(state)?;
+    // Begin with a glance
+    let bar = render_bar(run.host.start, run.plan.budget.time);
+    watchdog.renders(bar.clone());
+    let first = match convergence.spp {
+        0 => run.first_picture(&watchdog.interrupt)?,
+        _ => None,
+    };
     let directory = env::current_dir().unwrap_or_default();
     let (mut limits, report) = (run.limits(), run.report());
     let Run { plan, world, host, key, learnt, renderer, .. } = run;
@@ -216,6 +223,7 @@ fn render(
     let record = RunRecord { run_key, plan: saved, report, learnt };
     let mut output =
         RunOutput::new(files.targets, &plan.outputs, record, Some(world));
+    output.first = first;
     // Collect the limits
     let began = Instant::now();
     let left = limits.deadline.map(|end| {
@@ -229,8 +237,6 @@ fn render(
     let goal = plan.outputs.picture_error;
     limits.picture = goal.map(|goal| (goal, picture_error as _));
     // Render, with a bar that is up to date
-    let bar = render_bar(host.start, plan.budget.time);
-    watchdog.renders(bar.clone());
     let area = film.area();
     // Show how far the run is
     let show = |convergence: &Convergence| {
@@ -269,7 +275,7 @@ fn render(
     }
     // End without an image if there is no sample
     let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
-    if is_over && film.unsampled() == area {
+    if is_over && film.unsampled() == area && output.first.is_none() {
         let learns = renderer.training_rays(area) > 0;
         let doing = if learns { "learning" } else { "rendering" };
         let message = without_image(stop, doing);

@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Planes that fit the values of an image.
 
+use std::array;
+
 use glam::{Vec2, Vec4};
 
 /// The sums of a fit, over terms that stand for place and turn of the normal.
@@ -35,9 +37,12 @@ impl Fit {
         }
     }
 
-    /// The value where all terms are 0, by Cholesky's decomposition of the
-    /// products about the means.
-    pub fn constant(&self) -> Vec2 {
+    /// The plane of least squares, by Cholesky's decomposition of the products
+    /// about the means; 0 without a weight.
+    pub fn plane(&self) -> Plane {
+        if self.weight == 0. {
+            return Plane::default();
+        }
         let (middle, value) =
             (self.terms / self.weight, self.value / self.weight);
         // Decompose the products
@@ -60,7 +65,7 @@ impl Fit {
         }
         // Solve for the slopes
         let mut constant = value.to_array();
-        for (half, constant) in constant.iter_mut().enumerate() {
+        let slopes = array::from_fn(|half| {
             let right = self.values[half] - self.value[half] * middle;
             let mut slopes = right.to_array();
             for a in 0..4 {
@@ -70,10 +75,27 @@ impl Fit {
             for a in (0..4).rev() {
                 let known = (a + 1..4).map(|c| rows[c][a] * slopes[c]);
                 slopes[a] = (slopes[a] - known.sum::<f32>()) / rows[a][a];
-                *constant -= slopes[a] * middle[a];
+                constant[half] -= slopes[a] * middle[a];
             }
-        }
-        constant.into()
+            slopes.into()
+        });
+        Plane { value: constant.into(), slopes }
+    }
+}
+
+/// A plane that fits: both halves of its value where all terms are 0, and the
+/// slopes of each.
+#[derive(Clone, Copy, Default)]
+pub struct Plane {
+    pub value: Vec2,
+    pub slopes: [Vec4; 2],
+}
+
+impl Plane {
+    /// The value at some terms.
+    #[inline]
+    pub fn at(&self, terms: Vec4) -> Vec2 {
+        self.value + Vec2::from(self.slopes.map(|it| it.dot(terms)))
     }
 }
 

@@ -65,7 +65,7 @@ pub struct Gather<'a> {
 #[derive(Debug, PartialEq)]
 pub struct Learnt {
     /// The radiance and the guides of the scene.
-    pub cache: RadianceCache,
+    pub cache: Arc<RadianceCache>,
     /// The samples of each pixel.
     pub allocation: Allocation,
 }
@@ -154,10 +154,10 @@ impl Allocation {
         Self { window, counts, scale, net }
     }
 
-    /// One sample for each pixel.
-    pub fn even(window: Window) -> Self {
+    /// As many samples for each pixel.
+    pub fn even(window: Window, samples: u64) -> Self {
         let area = window.area();
-        Self::new(window, vec![1; area], vec![1.; area])
+        Self::new(window, vec![samples as u32; area], vec![1.; area])
     }
 
     /// Column and row of a pixel of a tile in the image, and its number in

@@ -66,6 +66,7 @@ pub fn read(
         return Err(io::Error::other("it has what cannot be learnt"));
     }
     let allocation = Allocation::new(window, counts, scale);
+    let cache = cache.into();
     Ok(Arc::new(Learnt { cache, allocation }.into()))
 }
 

@@ -24,14 +24,13 @@ use axum::http::{StatusCode, uri::Authority};
 use axum::response::IntoResponse;
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use glam::DVec3;
 use http_body_util::channel::{Channel, Sender};
 use hyper::{Request, body::Incoming};
 use hyper::{server::conn::http1, service::service_fn};
 use hyper_util::rt::TokioIo;
+use litpt::analysis::LitView;
 use litpt::analysis::background::KnownPixels;
-use litpt::analysis::{LitView, SceneAnalysis};
-use litpt::bvh::{GROUND, Hit};
+use litpt::bvh::GROUND;
 use litpt::camera::{View, typed};
 use litpt::cli::options::{self, Options, ViewOptions, parse_words};
 use litpt::cli::ranks::start_threads;
@@ -39,21 +38,17 @@ use litpt::cli::run::fail;
 use litpt::cli::{progress, watchdog};
 use litpt::compare::display::auto_stops;
 use litpt::error::{Error, Result};
-use litpt::film::{Film, NEIGHBOUR_WEIGHT, Watch};
+use litpt::film::{ErrorNorm, Film, NEIGHBOUR_WEIGHT, Watch};
 use litpt::filter::{Filtered, fragments, surface_means};
 use litpt::host::{Event, Host, Interrupt};
 use litpt::inputs::Inputs;
-use litpt::integrator::gather::Learnt;
 use litpt::integrator::gather::cache::RadianceCache;
-use litpt::integrator::{Integrator, PathEvent, PathState, SingleProcess};
-use litpt::integrator::{PathTracer, Renderer};
+use litpt::integrator::gather::{Allocation, Gather, Learnt};
+use litpt::integrator::{Renderer, SingleProcess};
 use litpt::key::Subject;
 use litpt::plan::{Budget, Plan, is_dash};
-use litpt::render::Job;
-use litpt::render::choose::{Method, Pixels, Sampling, Setup};
 use litpt::render_loop::{Convergence, CurvePoint, Limits};
 use litpt::run::Run;
-use litpt::sampler::{IndependentSampler, Sampler};
 use litpt::scene::Mesh;
 use litpt::sky::Sky;
 use litpt::world::World;
@@ -286,44 +281,6 @@ const HEADERS: [(&str, &str); 4] = [
 const POLICY: &str =
     "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'";
 
-/// Follows paths up to their second surface, and takes the radiance there from
-/// a cache, if there is one.
-struct Glance<'a> {
-    paths: PathTracer<'a>,
-    cache: Option<&'a RadianceCache>,
-}
-
-impl Integrator for Glance<'_> {
-    type Path = PathState;
-
-    fn is_black(&self) -> bool {
-        self.paths.is_black()
-    }
-
-    fn begin(&self, direction: DVec3) -> PathState {
-        self.paths.begin(direction)
-    }
-
-    fn advance(
-        &self,
-        path: &mut PathState,
-        hit: Option<Hit>,
-        sampler: &mut impl Sampler,
-    ) -> PathEvent {
-        if let (Some(cache), Some(hit), 1) = (self.cache, hit, path.bounces)
-        {
-            let cell = cache.at(cache.grid.name(hit.point, hit.normal));
-            let share =
-                self.paths.surfaces.relative_albedo(hit.primitive) as f32;
-            let value = f64::from(cell.scaled(share).value);
-            if value > 0. {
-                return PathEvent::Terminate(path.throughput * value);
-            }
-        }
-        self.paths.advance(path, hit, sampler)
-    }
-}
-
 /// What is known before a view is rendered.
 #[derive(Default)]
 struct Guess {
@@ -332,24 +289,21 @@ struct Guess {
     /// The mean radiance of an image.
     mean: f64,
     /// What a gather has learnt last.
-    learnt: Arc<OnceLock<Learnt>>,
+    cache: Option<Arc<RadianceCache>>,
 }
 
 impl Guess {
     /// Learns the radiance of a scene, roughly.
     fn learn(&mut self, world: &World) {
-        let (bvh, view) = (&world.bvh, small(world, 8));
-        let analysis = &SceneAnalysis::default();
-        let setup = Setup { intersector: bvh, view, analysis };
-        let size = view.resolution;
-        let pixels = Pixels::of_image(size);
-        let sampling = Sampling::new(Method::Gather, 0, Some(1), pixels);
-        let film = Film::new(size.0, size.1).with_shared_tiles();
-        self.learnt = Arc::default();
-        let learnt = Arc::clone(&self.learnt);
-        setup
-            .renderer(&sampling, learnt, &SingleProcess)
-            .learn(&film, &|_| true);
+        let (mut gather, film) = small_gather(world, 8, None);
+        gather.learn(&film, &|_| true);
+        self.take(&gather.learnt);
+    }
+
+    /// Takes what was learnt, if anything was.
+    fn take(&mut self, learnt: &OnceLock<Learnt>) {
+        let learnt = learnt.get().map(|learnt| learnt.cache.clone());
+        self.cache = learnt.or(self.cache.take());
     }
 }
 
@@ -359,6 +313,36 @@ fn small(world: &World, scale: u32) -> LitView<'_> {
     let (width, height) = view.resolution;
     view.resolution = ((width / scale).max(1), (height / scale).max(1));
     view
+}
+
+/// A gather without corrections that knows a cache or will learn one, and the
+/// film of its image, which is so many times smaller.
+fn small_gather(
+    world: &World,
+    scale: u32,
+    cache: Option<Arc<RadianceCache>>,
+) -> (Gather<'_>, Film) {
+    let view = small(world, scale);
+    let (width, height) = view.resolution;
+    let film = Film::new(width, height).with_shared_tiles();
+    let (learnt, window) = (OnceLock::new(), film.window);
+    if let Some(cache) = cache {
+        let allocation = Allocation::even(window, 1);
+        let _ = learnt.set(Learnt { cache, allocation });
+    }
+    let gather = Gather {
+        view,
+        intersector: &world.bvh,
+        known_pixels: KnownPixels::NOTHING,
+        seed: 0,
+        norm: ErrorNorm::default(),
+        training: 1 << 16,
+        correction: None,
+        learnt: learnt.into(),
+        communicator: &SingleProcess,
+    };
+    let shown = fragments(&world.bvh, &view, (window, window));
+    (gather, film.with_halves(Some(shown.into())))
 }
 
 impl Viewer {
@@ -423,7 +407,7 @@ impl Viewer {
         let new = &world.subject;
         let old = Subject { sensed: new.sensed.clone(), ..old };
         if reads || old != *new {
-            guess.learnt = Arc::default();
+            guess.cache = None;
         }
         drop(scene);
         let scene = self.scene.read().expect("no panic with the lock");
@@ -434,7 +418,7 @@ impl Viewer {
             self.tell(json!({ "fault": fault }));
             return Ok(());
         }
-        if guess.learnt.get().is_none() {
+        if guess.cache.is_none() {
             guess.learn(world);
         }
         // Glance at the view while it changes
@@ -515,25 +499,13 @@ impl Viewer {
         watch: &Watch,
     ) {
         let began = Instant::now();
-        let view = small(world, scale);
-        let paths = PathTracer::new(view.surfaces, view.sky);
-        let cache = guess.learnt.get().map(|learnt| &learnt.cache);
-        let mut job = Job {
-            sensor: view.sensor,
-            intersector: &world.bvh,
-            integrator: Glance { paths, cache },
-            known_pixels: KnownPixels::NOTHING,
-            sampler: IndependentSampler::new(0),
-        };
-        let (width, height) = view.resolution;
-        let film = Film::new(width, height);
-        let windows = (film.window, film.window);
-        let shown = fragments(&world.bvh, &view, windows);
-        let mut film = film.with_halves(Some(shown.into()));
-        job.pass(&mut film, spp, watch);
+        let cache = guess.cache.clone();
+        let (mut gather, mut film) = small_gather(world, scale, cache);
+        gather.pass(&mut film, spp, watch);
         if film.unsampled() == 0 {
             guess.mean = film.summary().mean;
-            let stops = auto_stops(surface_means(&world.bvh, &view, &film));
+            let stops =
+                auto_stops(surface_means(&world.bvh, &gather.view, &film));
             let about =
                 json!({ "spp": spp, "moves": true, "stops": stops });
             self.send_image(&film, about);
@@ -584,9 +556,7 @@ impl Viewer {
         if self.interrupt.signal().is_none() {
             send(&convergence, &film, true);
         }
-        if run.learnt.get().is_some() {
-            guess.learnt = run.learnt;
-        }
+        guess.take(&run.learnt);
         Ok(())
     }
 

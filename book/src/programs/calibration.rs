@@ -135,6 +135,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
         window,
         budget: Budget::samples(n),
         left: None,
+        shows: false,
     };
     let choice = setup.choose(&request);
     let sampling =

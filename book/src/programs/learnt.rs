@@ -98,7 +98,7 @@ fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
     let gather = &Gather { training: TRAINING, ..yard.gather(RESOLUTION) };
     let intersector = gather.intersector;
     let window = Window { corner: (0, 0), size: RESOLUTION };
-    let allocation = &Allocation::even(window);
+    let allocation = &Allocation::even(window, 1);
     let cache = &RadianceCache::empty(Grid::around(&[]));
     let prototype = Tracer::new(gather, intersector, cache, allocation);
     let (cache, _) = &train(&prototype, &|_| true).ok_or("stopped")?;

@@ -186,7 +186,7 @@ impl Stage {
         let sampling = self.sampling(Method::Gather, seed);
         let (seed, film) = (split_mix(seed), self.film(&sampling));
         let nothing = &RadianceCache::empty(Grid::around(&[]));
-        let one = &Allocation::even(film.window);
+        let one = &Allocation::even(film.window, 1);
         let trained = |training| {
             let gather = &Gather { training, ..self.renderer(seed) };
             train(&tracer(gather, nothing, one), &|_| true).unwrap()

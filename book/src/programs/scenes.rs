@@ -3,8 +3,8 @@
 // sampled more or less finely, so that a scene keeps its shape at any number
 // of triangles. y points up, lengths are in metres. Only arithmetic, square
 // roots and libm are used: the text is the same on every machine. And prints
-// the interiors of "make efficiency", and the mixtures of scales of "make
-// mixtures", these with all digits.
+// the interiors and the room of "make efficiency", and the mixtures of scales
+// of "make mixtures", these with all digits.
 //
 // usage: scenes NAME [NUMBER] > NAME.obj   NUMBER: how many triangles, or
 //                                          what it is in book/src/mixtures.rs
@@ -24,8 +24,8 @@ use litpt_book::mixtures::Mixture;
 
 use super::Done;
 
-const USAGE: &str = "usage: scenes [--view] NAME [NUMBER], \
-    where NAME is statue, field, corridor, backroom or a mixture of scales";
+const USAGE: &str = "usage: scenes [--view] NAME [NUMBER], where NAME is \
+    statue, field, corridor, backroom, room or a mixture of scales";
 
 pub fn run(arguments: &[String]) -> Done {
     let words: Vec<_> = arguments.iter().map(String::as_str).collect();

@@ -31,7 +31,9 @@ impl Renderer for Gather<'_> {
     }
 
     fn training_rays(&self, area: u64) -> u64 {
-        let rays = self.training + area.saturating_mul(2 * PILOT_SAMPLES);
+        let pilot =
+            if self.correction.is_some() { PILOT_SAMPLES } else { 0 };
+        let rays = self.training + area.saturating_mul(2 * pilot);
         if self.learnt.get().is_some() { 0 } else { rays }
     }
 
@@ -61,12 +63,15 @@ impl Dispatch for Learn<'_> {
         let cache = &RadianceCache::empty(Grid::around(&[]));
         let (correction, learnt) = (None, Arc::default());
         let gather = &Gather { seed, correction, learnt, ..*gather };
-        let allocation = &Allocation::even(film.run_window);
+        let allocation = &Allocation::even(film.run_window, 1);
         let prototype = Tracer::new(gather, intersector, cache, allocation);
         let (cache, rays) = train(&prototype, watch)?;
         let prototype = Tracer { cache: &cache, ..prototype };
-        let (allocation, traced) = allocate(&prototype, film, watch)?;
-        let learnt = Learnt { cache, allocation };
+        let (allocation, traced) = match self.gather.correction {
+            Some(_) => allocate(&prototype, film, watch)?,
+            None => (Allocation::even(film.run_window, film.net_size), 0),
+        };
+        let learnt = Learnt { cache: cache.into(), allocation };
         watch(0).then_some((learnt, rays + traced))
     }
 }

@@ -130,5 +130,8 @@ const RECEIVED: f64 = 1. / 12.;
 /// The pixels of the images to which the constants of a gather are fitted.
 const FITTED_AREA: f64 = 320. * 240.;
 
+/// Samples of each pixel for which the method of a picture is chosen at least.
+pub const SHOWN: u64 = 64;
+
 /// Samples of a run without a limit.
 pub const MANY: u64 = 1 << 20;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::cost::{Forecast, MANY};
+use super::cost::{Forecast, MANY, SHOWN};
 use super::pilot::{Pilot, Trial};
 use super::sampling::{GATHER_RAYS, Method, Sampling, Setup};
 use crate::analysis::SceneAnalysis;
@@ -25,7 +25,8 @@ impl Setup<'_> {
     /// wanted.
     pub fn choose(&self, request: &Request) -> Option<Choice> {
         let (area, samples) = (request.area(), request.bound());
-        let paths = samples.unwrap_or(MANY).saturating_mul(area);
+        let least = if request.shows { SHOWN } else { 1 };
+        let paths = samples.unwrap_or(MANY).max(least).saturating_mul(area);
         let pixels = (paths / 200).min(4096);
         if pixels < 64 {
             return None;
@@ -51,7 +52,7 @@ impl Setup<'_> {
                 (Method::Sobol, _) => sampling.control = percent,
                 _ => (),
             }
-            let expected = samples.unwrap_or(MANY) as f64;
+            let expected = samples.unwrap_or(MANY).max(least) as f64;
             let [variance, rays] = forecast.foresee(&sampling, expected);
             (sampling, variance.max(2. * allowed.unwrap_or(0.)) * rays)
         });
@@ -59,6 +60,7 @@ impl Setup<'_> {
         let is_quick = |sampling: &Sampling| {
             let paths = forecast.first_paths(sampling);
             sampling.method == Method::Reference
+                || request.shows
                 || request.left.is_none_or(|left| 2. * paths * pace <= left)
         };
         let is_black = self.view.surfaces.most == 0.;
@@ -72,7 +74,25 @@ impl Setup<'_> {
             let those = quick.clone().filter(|(s, _)| fits(s));
             those.min_by(|s, t| s.1.total_cmp(&t.1))
         };
-        let &(sampling, _) = best(request.method).or_else(|| best(None))?;
+        let &(mut sampling, _) =
+            best(request.method).or_else(|| best(None))?;
+        if request.shows {
+            // Make a picture soon
+            let area = request.area();
+            let few = Sampling { net_size: 8, ..sampling };
+            let seconds = forecast.first_paths(&few) * pace;
+            let is_short = request.left.is_some_and(|left| left < seconds)
+                || request.budget.samples.is_some_and(|n| n < 4);
+            if is_short {
+                let rate = forecast.pilot.rays / (pace * area as f64);
+                let fits =
+                    request.left.map_or(6., |left| 0.25 * left * rate);
+                sampling = sampling.glance((0.5 * fits) as u64);
+            } else {
+                let most = ((1 << 22) / area).max(4).ilog2();
+                sampling.net_size = sampling.net_size.min(1 << most);
+            }
+        }
         // Foresee the gains of all methods
         let reference = methods[0].1;
         let gain = |cost: f64| match reference > 0. {
@@ -100,7 +120,7 @@ impl Setup<'_> {
             Some(Method::Reference) => false,
             Some(Method::Sobol) => begun.is_none(),
             Some(Method::Gather) => {
-                begun.is_none() && request.left.is_some()
+                begun.is_none() && (request.left.is_some() || request.shows)
                     || request.budget.error.is_some()
             }
         };
@@ -136,11 +156,16 @@ impl fmt::Display for Choice {
         let Pilot { first, later, first_rays, .. } = self.pilot;
         let rays = 2. * self.pilot.rays / first_rays.max(1e-9);
         let share = 100. * later / (first + later).max(f64::MIN_POSITIVE);
+        let Sampling { method, glance, .. } = self.sampling;
+        let kind = match (glance, method) {
+            (false, _) => "",
+            (true, Method::Gather) => ", a glance without corrections",
+            (true, _) => ", a glance",
+        };
         write!(
             out,
-            "{}: a path has {rays:.1} rays, and {share:.0} % of its variance \
-             comes after its first direction; foreseen gains",
-            self.sampling.method
+            "{method}{kind}: a path has {rays:.1} rays, and {share:.0} % of \
+             its variance comes after its first direction; foreseen gains"
         )?;
         for (method, gain) in &self.gains {
             write!(out, ", {method} {gain:.1}")?;
@@ -161,6 +186,8 @@ pub struct Request {
     pub budget: Budget,
     /// Seconds that are left.
     pub left: Option<f64>,
+    /// Whether all that is asked for is a picture.
+    pub shows: bool,
 }
 
 impl Request {
@@ -235,6 +262,16 @@ impl Sampling {
         let net_size = self.net_size.min(most);
         let training = self.training.min(1 << 20);
         Self { net_size, training, ..self }
+    }
+
+    /// The same, for a glance with at most so many samples in a net.
+    pub fn glance(self, most: u64) -> Self {
+        let (method, net_size) = match self.method {
+            Method::Gather => (Method::Gather, most.clamp(2, 3)),
+            _ => (Method::Sobol, 1 << most.clamp(2, 4).ilog2()),
+        };
+        let training = self.training.min(200_000);
+        Self { method, net_size, training, glance: true, ..self }
     }
 }
 

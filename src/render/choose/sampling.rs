@@ -5,6 +5,7 @@
 //! method, and its renderer.
 
 use std::fmt;
+use std::ops::Not;
 use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
@@ -66,6 +67,10 @@ pub struct Sampling {
     #[serde(rename = "measure")]
     #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
     pub norm: ErrorNorm,
+    /// Whether its image is a glance, and the values of a gather keep the error
+    /// of its cache.
+    #[serde(default, skip_serializing_if = "Not::not")]
+    pub glance: bool,
 }
 
 /// The pixels of a window.
@@ -110,8 +115,8 @@ impl Sampling {
             Method::Sobol => (together(least, most), 0),
             Method::Gather => (together(16, gathered), trained),
         };
-        let (control, norm) = (0, ErrorNorm::default());
-        Self { method, seed, net_size, training, control, norm }
+        let (control, norm, glance) = (0, ErrorNorm::default(), false);
+        Self { method, seed, net_size, training, control, norm, glance }
     }
 
     /// The same film, which has no sample, for these samples.
@@ -187,7 +192,7 @@ impl<'a> Setup<'a> {
             known_pixels: &self.analysis.known_pixels,
             seed: sampling.seed,
             training: sampling.training,
-            correction: Some(Correction::default()),
+            correction: (!sampling.glance).then(Correction::default),
             learnt,
             communicator,
         }
