@@ -267,7 +267,8 @@ fn render(
         convergence.run(renderer, &mut film, &limits, &advance, &mut after);
     bar.finish_and_clear();
     let late = limits.deadline.is_some_and(|end| began > end);
-    if late || (convergence.spp == 0 && stop == Stop::Time) {
+    let late = late || (convergence.spp == 0 && stop == Stop::Time);
+    if late && goal.is_none() {
         progress::warn(
             "loading, building and the first sample of each pixel took \
              longer than --time allows",
