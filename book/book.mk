@@ -417,6 +417,14 @@ $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png
 	  --integrator auto -i $(BENCH)/$*.obj -o $(@:.png=.exr)
 	$(BUILD_DIR)/ptimg tonemap -f -e $(or $(STOPS_$*),0) -o $@ $(@:.png=.exr)
 
+# The same as glances.
+FIGURES += $(PICTURED:%=$(BUILD_DIR)/figures/glance-%.png)
+
+$(PICTURED:%=$(BUILD_DIR)/figures/glance-%.png): $(BUILD_DIR)/figures/glance-%.png: \
+  $(BENCH)/%.obj $(BENCH)/%.view $(BUILD_DIR)/pt | $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt -r 0.8 $$(cat $(BENCH)/$*.view) -d 320x240 -n 1 -q -f \
+	  --exposure auto -i $(BENCH)/$*.obj -o $@
+
 # ---- geometry: figures
 
 # Vertices, tiles and closed forms.

@@ -99,7 +99,8 @@ impl<'a> Filter<'a> {
         // Weigh each fragment by its coverage, if a half has samples
         let spp = film.samples() as f32 / 2.;
         let part = |f: usize, term: usize| {
-            let count = Vec2::from(sums[f].map(|half| half[2] as f32));
+            let count =
+                Vec2::from(sums[f].map(|half| half[2 + term] as f32));
             let sum = sums[f].map(|half| (half[term] as f64 / UNIT) as f32);
             let has = count.min(Vec2::ONE);
             let mean = Vec2::from(sum) / count.max(Vec2::ONE);

@@ -65,7 +65,7 @@ pub trait Renderer {
     /// Learns what it needs to know before the first pass over `film`,
     /// unless `watch`, which is told how many rays were traced, stops it;
     /// returns the number of all these rays.
-    fn learn(&mut self, _film: &Film, _watch: &Watch) -> u64 {
+    fn learn(&mut self, _film: &mut Film, _watch: &Watch) -> u64 {
         0
     }
 

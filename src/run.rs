@@ -307,7 +307,7 @@ impl<'a> Run<'a> {
         // Trace a sample that the run has
         let RunKey { sampling, part, .. } = self.key;
         if sampling.method == Method::Gather {
-            self.renderer.learn(&self.key.film(), &|_| true);
+            self.renderer.learn(&mut self.key.film(), &|_| true);
         }
         let setup = self.world.setup();
         let trace =

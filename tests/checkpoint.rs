@@ -135,7 +135,7 @@ fn what_cannot_be_learnt_is_refused() {
         "resolution": [9, 7], "method": "gather", "replicate": 4
     }));
     let mut gather = setting.gather((9, 7));
-    gather.learn(&run_key.film(), &|_| true);
+    gather.learn(&mut run_key.film(), &|_| true);
     let mut saved = vec![];
     write(&gather.learnt, &mut saved).unwrap();
     let learnt = read(&mut &*saved, &run_key).unwrap();

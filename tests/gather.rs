@@ -568,10 +568,10 @@ impl Stage {
 #[test]
 fn few_rays_are_traced_after_learning_is_told_to_stop() {
     let stage = Stage::room((32, 24));
-    let film = stage.film(4);
+    let mut film = stage.film(4);
     let looks = AtomicU64::new(0);
     let count = |_| looks.fetch_add(1, Relaxed) < u64::MAX;
-    stage.gather(3).learn(&film, &count);
+    stage.gather(3).learn(&mut film, &count);
     // The allocation looks once for each row, and before it the pilot.
     let last = [45, 35, 10].map(|more| looks.load(Relaxed) - more);
     let mut stops = 0;
@@ -585,7 +585,7 @@ fn few_rays_are_traced_after_learning_is_told_to_stop() {
             late.fetch_add(if goes_on { 0 } else { rays }, Relaxed);
             goes_on
         };
-        let rays = gather.learn(&film, &watch);
+        let rays = gather.learn(&mut film, &watch);
         let late = late.load(Relaxed);
         let threads = rayon::current_num_threads() as u64;
         let most = threads * (64 * 8 + 256 * 2);

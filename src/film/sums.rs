@@ -68,8 +68,12 @@ pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
 
 /// The samples of a fragment in two halves, those of even and of odd
 /// replicates: of each the sums of what was gathered and of its
-/// corrections, in units of 2^-32, and the number of samples.
-pub type HalfBuffers = [[i64; 3]; 2];
+/// corrections, in units of 2^-32, and the number of samples of both.
+pub type HalfBuffers = [[i64; 4]; 2];
+
+/// What a pilot has gathered for a fragment: of both halves the sum, in units
+/// of 2^-32, and the number of samples.
+pub type Gathered = [[i64; 2]; 2];
 
 /// The samples of a fragment in one replicate: sums of what was gathered and of
 /// its corrections, and the number of samples.
@@ -85,7 +89,7 @@ pub fn add_samples(
     for (halves, (parts, count)) in halves.iter_mut().zip(samples) {
         let [gathered, corrected] = parts.map(|part| (part * UNIT) as i64);
         let half = &mut halves[(number % 2) as usize];
-        let more = [gathered, corrected, i64::from(*count)];
+        let more = [gathered, corrected, (*count).into(), (*count).into()];
         for (sum, more) in half.iter_mut().zip(more) {
             *sum = sum.wrapping_add(more);
         }
@@ -366,6 +370,51 @@ impl Film {
         self.halves = self.tiles.iter().map(halves).collect();
         self.fragments = shown;
         self
+    }
+
+    /// Whether its halves are empty, and begin with the first sample of a run:
+    /// then the samples of a pilot count in them.
+    pub fn takes_pilot(&self) -> bool {
+        let mut halves = self.halves.iter().flatten();
+        self.fragments.is_some()
+            && self.sample_offset == 0
+            && halves.all(|it| *it == HalfBuffers::default())
+    }
+
+    /// The tiles of its run, each with its place here if it has one.
+    pub fn run_tiles(&self) -> Vec<(Tile, Option<usize>)> {
+        let (start, end) = (self.window.corner, self.window.end());
+        let place = |tile: Tile| {
+            let (x, y) = tile.corner;
+            let is_here = (start.0..end.0).contains(&x)
+                && (start.1..end.1).contains(&y);
+            (tile, is_here.then(|| self.place(x, y)))
+        };
+        self.all_tiles().into_iter().map(place).collect()
+    }
+
+    /// Adds what a pilot has gathered in each tile of its run to its halves, unless
+    /// it lacks one of the tiles here; returns whether it has all.
+    pub fn add_pilot(&mut self, pilot: &[Vec<Gathered>]) -> bool {
+        let tiles = self.run_tiles().into_iter().enumerate();
+        let here = tiles.filter_map(|(k, (_, place))| Some((k, place?)));
+        let here: Vec<_> = here.collect();
+        let has = |&(k, place): &(usize, usize)| {
+            pilot.get(k).map_or(0, Vec::len) == self.halves[place].len()
+        };
+        if !here.iter().all(has) {
+            return false;
+        }
+        for (k, place) in here {
+            for (halves, found) in
+                self.halves[place].iter_mut().zip(&pilot[k])
+            {
+                for (half, [sum, count]) in halves.iter_mut().zip(found) {
+                    (half[0], half[2]) = (half[0] + sum, half[2] + count);
+                }
+            }
+        }
+        true
     }
 
     /// Takes the samples of a film of some of its tiles into account.

@@ -29,7 +29,7 @@ use crate::analysis::LitView;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Bvh, Hit, Intersector};
 use crate::film::{ErrorNorm, Samples, Tile, Window};
-use crate::film::{Fragments, TileFragments};
+use crate::film::{Fragments, Gathered, TileFragments};
 use crate::integrator::Communicator;
 use crate::sampler::sobol::{ScrambledNet, scramble_key};
 use crate::sampler::{generator, to_unit};
@@ -68,6 +68,13 @@ pub struct Learnt {
     pub cache: Arc<RadianceCache>,
     /// The samples of each pixel.
     pub allocation: Allocation,
+    /// Another cache, which odd replicates take, if there is one: so that the
+    /// halves of a picture are independent.
+    pub twin: Option<Arc<RadianceCache>>,
+    /// What a pilot has gathered for the fragments of each tile, in the order
+    /// of the run's tiles: sum and number of both halves. Nothing of a tile whose
+    /// fragments were not known.
+    pub pilot: Vec<Vec<Gathered>>,
 }
 
 /// Gathers on one thread: a tile, or a piece of the training.

@@ -191,7 +191,7 @@ impl<K: Intersector, S: Sampler> Job<'_, K, PathTracer<'_>, S> {
 /// Traces a sample of a gather that has learnt this.
 fn trace_gather(
     gather: &Gather,
-    Learnt { cache, allocation }: &Learnt,
+    Learnt { cache, allocation, .. }: &Learnt,
     (x, y): (u32, u32),
     number: u64,
 ) -> SampleTrace {

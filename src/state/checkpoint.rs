@@ -23,7 +23,7 @@ use crate::scene::encoding::shortened;
 use crate::state::learnt;
 
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 10\n";
+const MAGIC: &[u8] = b"litpt checkpoint 11\n";
 
 /// What is known of a run beside its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -19,18 +19,21 @@ pub fn write(
     learnt: &OnceLock<Learnt>,
     out: &mut dyn Write,
 ) -> io::Result<()> {
-    let head = learnt.get().map(|Learnt { cache, .. }| {
-        (cache.grid, cache.cells.len(), cache.guides.len(), IS_BIG)
+    let head = learnt.get().map(|Learnt { cache, pilot, .. }| {
+        let pilot: Vec<_> = pilot.iter().map(Vec::len).collect();
+        (cache.grid, cache.cells.len(), cache.guides.len(), pilot, IS_BIG)
     });
     serde_json::to_writer(&mut *out, &head)?;
     out.write_all(b"\n")?;
-    let Some(Learnt { cache, allocation }) = learnt.get() else {
+    let Some(Learnt { cache, allocation, pilot, .. }) = learnt.get() else {
         return Ok(());
     };
     out.write_all(cast_slice(&cache.cells))?;
     out.write_all(cast_slice(&cache.guides))?;
     out.write_all(cast_slice(&allocation.counts))?;
-    out.write_all(cast_slice(&allocation.scale))
+    out.write_all(cast_slice(&allocation.scale))?;
+    let mut pilot = pilot.iter();
+    pilot.try_for_each(|tile| out.write_all(cast_slice(tile)))
 }
 
 /// Whether the most significant byte of a number comes first.
@@ -49,12 +52,15 @@ pub fn read(
     let Some(head) = serde_json::from_slice(&line)? else {
         return Ok(Arc::default());
     };
-    let (grid, cells, guides, is_big): (Grid, usize, usize, bool) = head;
+    type Head = (Grid, usize, usize, Vec<usize>, bool);
+    let (grid, cells, guides, pilot, is_big): Head = head;
     let window = run_key.subject.sensed.window();
     // Read the arrays
     let (cells, guides) = (get(from, cells)?, get(from, guides)?);
     let counts = get::<u32>(from, window.area())?;
     let scale = get::<f64>(from, window.area())?;
+    let pilot = pilot.into_iter().map(|count| get(from, count));
+    let pilot = pilot.collect::<io::Result<_>>()?;
     let cache =
         RadianceCache { cells, guides, ..RadianceCache::empty(grid) };
     let most = run_key.sampling.net_size.saturating_mul(8).min(1 << 20);
@@ -66,8 +72,8 @@ pub fn read(
         return Err(io::Error::other("it has what cannot be learnt"));
     }
     let allocation = Allocation::new(window, counts, scale);
-    let cache = cache.into();
-    Ok(Arc::new(Learnt { cache, allocation }.into()))
+    let (cache, twin) = (cache.into(), None);
+    Ok(Arc::new(Learnt { cache, allocation, twin, pilot }.into()))
 }
 
 /// Reads an array.

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use crate::error::Result;
 use crate::film::{Film, Window};
 use crate::image::extension;
+use crate::integrator::gather::Learnt;
 use crate::key::Part;
 use crate::render_loop::{Convergence, Limits, Stop};
 use crate::state::checkpoint::{Checkpoint, RunRecord};
@@ -86,7 +87,10 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
             .into());
         }
         let both = (merged.record.learnt.get(), learnt.get());
-        if matches!(both, (Some(ours), Some(own)) if ours != own) {
+        let differ = |ours: &Learnt, own: &Learnt| {
+            ours.cache != own.cache || ours.allocation != own.allocation
+        };
+        if matches!(both, (Some(ours), Some(own)) if differ(ours, own)) {
             return Err(format!(
                 "{first} and {name} have not learnt the same"
             )

@@ -13,9 +13,10 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::cache::{Grid, RadianceCache, Record, WHOLE, in_sky};
-use super::{Allocation, End, Gather, GatherRay, Tracer};
+use super::{Allocation, End, Gather, GatherRay, TileSamples, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::film::{ErrorNorm, Film, Watch};
+use crate::film::add_samples;
+use crate::film::{ErrorNorm, Film, Gathered, HalfBuffers, Tile, Watch};
 use crate::sampler::generator;
 use crate::statistics::Accumulator;
 
@@ -176,41 +177,97 @@ pub fn train<K: Intersector>(
 /// chooses a method is another.
 pub const PILOT_SAMPLES: u64 = 8;
 
-/// Samples for each pixel of the window of a film's run, one replicate on
-/// average, in proportion to the standard deviation that a pilot finds; and
-/// its rays. None if `watch`, which is told the rays, stops it.
-pub fn allocate<K: Intersector>(
+/// What a pilot finds.
+pub struct Found {
+    /// Mean and variance of the pixels, tile by tile.
+    pub pixels: Vec<[f64; 2]>,
+    /// What it has gathered for the fragments of each tile, if these are known.
+    pub gathered: Vec<Vec<Gathered>>,
+    /// Its rays.
+    pub rays: u64,
+}
+
+/// Has a pilot render the tiles of a run, or those of a film alone; none if
+/// `watch`, which is told the rays, stops it.
+pub fn pilot<K: Intersector>(
     prototype: &Tracer<K>,
     film: &Film,
+    only_here: bool,
     watch: &Watch,
-) -> Option<(Allocation, u64)> {
-    let (window, mean) = (film.run_window, film.net_size);
+) -> Option<Found> {
+    let shown = film.fragments.as_deref();
+    let tiles = film.run_tiles();
+    let count = |&(_, place): &(Tile, Option<usize>)| {
+        place.map_or(0, |place| film.halves[place].len())
+    };
+    let counts: Vec<usize> = match shown {
+        Some(_) => tiles.iter().map(count).collect(),
+        None => vec![0; tiles.len()],
+    };
     // Render the scrambles of the pilot
-    let tiles = film.all_tiles();
     let render = |k: usize| {
-        let tile = tiles[k];
-        let mut tracer = Tracer { rays: 0, ..*prototype };
+        let (tile, place) = tiles[k];
+        let fragments = shown.filter(|_| counts[k] > 0);
+        let mut tracer = Tracer { rays: 0, fragments, ..*prototype };
         let mut pixels = vec![Accumulator::default(); tile.area()];
-        let (mut scrambles, mut reported) = (0..PILOT_SAMPLES, 0);
+        let mut halves = vec![HalfBuffers::default(); counts[k]];
+        let is_wanted = place.is_some() || !only_here;
+        let most = if is_wanted { PILOT_SAMPLES } else { 0 };
+        let (mut scrambles, mut reported) = (0..most, 0);
         while let Some(scramble) = scrambles.next()
             && watch(tracer.rays - reported)
         {
             reported = tracer.rays;
-            let values = tracer.tile(tile, scramble).means;
-            pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
+            let TileSamples { means, sorted, .. } =
+                tracer.tile(tile, scramble);
+            pixels.iter_mut().zip(means).for_each(|(p, v)| p.add(v));
+            add_samples(&mut halves, scramble, &sorted);
         }
-        let found = pixels.iter().map(|p| [p.mean(), p.variance()]);
-        (found.collect::<Vec<_>>(), tracer.rays)
+        let found = pixels.iter().flat_map(|p| [p.mean(), p.variance()]);
+        let gathered = halves.as_flattened().iter();
+        let gathered = gathered.flat_map(|half| [half[0], half[2]]);
+        let words = found.map(f64::to_bits);
+        let words = words.chain(gathered.map(i64::cast_unsigned));
+        (words.collect::<Vec<u64>>(), tracer.rays)
     };
-    let (count, mut found) = (tiles.len(), vec![]);
-    let rays =
-        find_together(prototype.gather, count, render, &mut found, watch)?;
+    let mut words = vec![];
+    let rays = find_together(
+        prototype.gather,
+        tiles.len(),
+        render,
+        &mut words,
+        watch,
+    )?;
+    // Take what the pilot has found of each tile
+    let mut words = words.into_iter();
+    let mut word = || words.next().unwrap_or_default();
+    let (mut pixels, mut gathered) = (vec![], vec![]);
+    for ((tile, _), count) in tiles.iter().zip(counts) {
+        let pixel = |_| [word(), word()].map(f64::from_bits);
+        pixels.extend((0..tile.area()).map(pixel));
+        let mut half = || [word(), word()].map(u64::cast_signed);
+        let fragment = |_| [half(), half()];
+        gathered.push((0..count).map(fragment).collect());
+    }
+    Some(Found { pixels, gathered, rays })
+}
+
+/// Samples for each pixel of the window of a film's run, one replicate on
+/// average, in proportion to the standard deviation that a pilot has found.
+/// None if `watch` stops it.
+pub fn allocate<K>(
+    prototype: &Tracer<K>,
+    film: &Film,
+    found: &[[f64; 2]],
+    watch: &Watch,
+) -> Option<Allocation> {
+    let (window, mean) = (film.run_window, film.net_size);
     // Sort what the pilot has found by rows
-    let mut found = found.into_iter();
+    let mut found = found.iter();
     let mut means = vec![0.; window.area()];
     let mut variances = means.clone();
-    for &tile in &tiles {
-        for (pixel, [mean, variance]) in
+    for tile in film.all_tiles() {
+        for (pixel, &[mean, variance]) in
             (0..tile.area() as u32).zip(&mut found)
         {
             let (_, _, number) = prototype.allocation.place(tile, pixel);
@@ -250,7 +307,7 @@ pub fn allocate<K: Intersector>(
         (part * mean as f64).round().max(1.) as u32
     };
     let counts = needs.iter().map(count).collect();
-    Some((Allocation::new(window, counts, scale), rays))
+    watch(0).then(|| Allocation::new(window, counts, scale))
 }
 
 fn average(numbers: &[f64]) -> f64 {
