@@ -373,7 +373,7 @@ $(BUILT)/mixtures-ball.csv: $(MEASURED)/mixtures.csv | $(BUILT)
 
 FIGURES += $(BUILD_DIR)/figures/picture-plain.png \
   $(BUILD_DIR)/figures/picture-filtered.png
-TABLES += $(BUILT)/filtered.tex
+TABLES += $(BUILT)/filtered.tex $(BUILT)/peer-picture.tex
 
 $(BUILD_DIR)/figures/picture-plain.png: NO_FILTER = --no-filter
 $(BUILD_DIR)/figures/picture-%.png: $(BUILD_DIR)/pt \

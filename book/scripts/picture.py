@@ -119,8 +119,8 @@ class Contest:
     def ours(self, seconds, seed):
         """The seconds and the filtered picture of pt."""
         seconds = self.pt(seconds, seed, self.picture)
-        channels = OpenEXR.File(self.picture, separate_channels=True).channels()
-        return seconds, np.float64(channels['filtered.Y'].pixels)
+        file = OpenEXR.File(self.picture, separate_channels=True)
+        return seconds, np.float64(file.channels()['filtered.Y'].pixels)
 
     def exposed(self, picture):
         """What a screen shows, from 0 to 1."""
@@ -161,8 +161,8 @@ class Contest:
 
 def main():
     options = settings()
-    print(f'#, make picture-peer, rounds: {options.rounds}, references of '
-          f'twice {options.reference:g} s, '
+    print(f'#, by make picture-peer, rounds: {options.rounds}, references '
+          f'of twice {options.reference:g} s, '
           f'mitsuba-oidn {version("mitsuba-oidn")}')
     print('case,seconds,ours_seconds,rmse,levels,flip,'
           'oidn_levels,ours_levels,oidn_flip,ours_flip,truth_levels')
