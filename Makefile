@@ -24,7 +24,7 @@ PACKAGES := --workspace $(if $(WITH_MPI),,--exclude litpt-mpi)
 # What is measured or installed is a Release, unless the command line says
 # otherwise.
 ifneq ($(filter measure stability% ablation bench% calibration mixtures install \
-  efficiency choice parts places rates mpi, \
+  efficiency picture-peer choice parts places rates mpi, \
   $(MAKECMDGOALS)),)
 BUILD_TYPE = Release
 endif
@@ -83,6 +83,7 @@ help:
 	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
 	@echo 'make mixtures  mixtures of scales beside Embree'
 	@echo 'make efficiency  in which time pt reaches the error of Embree, some hours'
+	@echo 'make picture-peer  pictures beside Embree and OIDN in equal time, 20 minutes'
 	@echo 'make choice  what each method gains, and what a pilot foresees'
 	@echo 'make parts   what each part of a gather is worth, half an hour'
 	@echo 'make places  values of places, three minutes'

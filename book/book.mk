@@ -269,6 +269,24 @@ picture: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(SHOWN))))
 	$(RECORD) picture sh $(SCRIPTS)/picture.sh $(BUILD_DIR) \
 	  $(FILTERED:%=$(BENCH)/%)
 
+# Pictures in equal time with those of the peer, which OIDN denoises: twenty
+# minutes on an idle machine. The denoiser and FLIP come from PyPI, into an
+# environment of their own. The references, two of REF seconds for a scene, stay
+# in $(BENCH).
+REF = 60
+ENVIRONMENT := $(BENCH)/python
+$(ENVIRONMENT)/stamp:
+	python3 -m venv $(@D)
+	$(@D)/bin/pip install -q numpy OpenEXR mitsuba-oidn flip-evaluator
+	@touch $@
+
+.PHONY: picture-peer
+picture-peer: bench-tools $(ENVIRONMENT)/stamp \
+  $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(SHOWN))))
+	$(RECORD) peer-picture $(ENVIRONMENT)/bin/python $(SCRIPTS)/picture.py \
+	  --rounds $(ROUNDS) --reference $(REF) $(BUILD_DIR)/pt \
+	  $(BENCH)/embree_pt $(addprefix $(BENCH)/,$(sort $(SHOWN)))
+
 # How often the truth lies within so many errors: a minute.
 .PHONY: calibration
 calibration: $(BOOK)
@@ -355,7 +373,7 @@ $(BUILT)/mixtures-ball.csv: $(MEASURED)/mixtures.csv | $(BUILT)
 
 FIGURES += $(BUILD_DIR)/figures/picture-plain.png \
   $(BUILD_DIR)/figures/picture-filtered.png
-TABLES += $(BUILT)/filtered.tex
+TABLES += $(BUILT)/filtered.tex $(BUILT)/peer-picture.tex
 
 $(BUILD_DIR)/figures/picture-plain.png: NO_FILTER = --no-filter
 $(BUILD_DIR)/figures/picture-%.png: $(BUILD_DIR)/pt \
@@ -363,11 +381,15 @@ $(BUILD_DIR)/figures/picture-%.png: $(BUILD_DIR)/pt \
 	$(BUILD_DIR)/pt $(CAMERA) -d 360x270 -n 4 -r 0.8 -q -f $(NO_FILTER) \
 	  --integrator gather -i $(BUILD_DIR)/courtyard.obj -o $@
 
-$(BUILT)/filtered.tex: $(MEASURED)/picture.csv | $(BUILT)
-	awk -F '[,/]' '/^[^#].*\// { sub("@sobol", " by nets"); \
-	  sub("backroom", "back room"); \
-	  printf "%s & %s & %s & %s & %s \\\\\n", \
-	    $$1 == last ? "" : $$1, $$2, $$3, $$4, $$5; last = $$1 }' $< > $@
+# The first row of a scene has its name, and eleven columns are enough.
+$(BUILT)/filtered.tex: $(MEASURED)/picture.csv
+$(BUILT)/peer-picture.tex: $(MEASURED)/peer-picture.csv
+$(BUILT)/filtered.tex $(BUILT)/peer-picture.tex: | $(BUILT)
+	awk -F '[,/]' -v OFS=' & ' -v machine=$(basename $@)-machine.tex \
+	  '/^#/ { sub(/^# */, ""); print $$0 "%" > machine } \
+	  /^[^#].*\// { sub("@sobol", " by nets"); sub("backroom", "back room"); \
+	  if (NF > 11) NF = 11; scene = $$1; $$1 = scene == last ? "" : scene; last = scene; \
+	  print $$0 " \\\\" }' $< > $@
 
 # ---- samples and errors
 

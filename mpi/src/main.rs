@@ -98,7 +98,8 @@ impl Ranks for World {
             return;
         }
         let look = Mutex::new(());
-        own.renderer.learn(&run_key.film(), &|rays| {
+        let mut film = own.with_halves(run_key.film());
+        own.renderer.learn(&mut film, &|rays| {
             if let Ok(_guard) = look.try_lock() {
                 pending_order();
             }
@@ -489,7 +490,7 @@ impl Renderer for Leader<'_> {
         rays
     }
 
-    fn learn(&mut self, film: &Film, watch: &Watch) -> u64 {
+    fn learn(&mut self, film: &mut Film, watch: &Watch) -> u64 {
         send_all(Order::Learn);
         let stop = Once::new();
         self.own.renderer.learn(film, &|rays| {

@@ -295,8 +295,8 @@ struct Guess {
 impl Guess {
     /// Learns the radiance of a scene, roughly.
     fn learn(&mut self, world: &World) {
-        let (mut gather, film) = small_gather(world, 8, None);
-        gather.learn(&film, &|_| true);
+        let (mut gather, mut film) = small_gather(world, 8, None);
+        gather.learn(&mut film, &|_| true);
         self.take(&gather.learnt);
     }
 
@@ -328,7 +328,8 @@ fn small_gather(
     let (learnt, window) = (OnceLock::new(), film.window);
     if let Some(cache) = cache {
         let allocation = Allocation::even(window, 1);
-        let _ = learnt.set(Learnt { cache, allocation });
+        let (twin, pilot) = (None, vec![]);
+        let _ = learnt.set(Learnt { cache, allocation, twin, pilot });
     }
     let gather = Gather {
         view,
