@@ -21,7 +21,7 @@ pub fn write(
 ) -> io::Result<()> {
     let head = learnt.get().map(|Learnt { cache, pilot, .. }| {
         let pilot: Vec<_> = pilot.iter().map(Vec::len).collect();
-        (cache.grid, cache.cells.len(), cache.guides.len(), pilot, IS_BIG)
+        (cache.grid, cache.cells.len(), cache.guides.len(), IS_BIG, pilot)
     });
     serde_json::to_writer(&mut *out, &head)?;
     out.write_all(b"\n")?;
@@ -52,8 +52,8 @@ pub fn read(
     let Some(head) = serde_json::from_slice(&line)? else {
         return Ok(Arc::default());
     };
-    type Head = (Grid, usize, usize, Vec<usize>, bool);
-    let (grid, cells, guides, pilot, is_big): Head = head;
+    type Head = (Grid, usize, usize, bool, Vec<usize>);
+    let (grid, cells, guides, is_big, pilot): Head = head;
     let window = run_key.subject.sensed.window();
     // Read the arrays
     let (cells, guides) = (get(from, cells)?, get(from, guides)?);

@@ -11,7 +11,7 @@ use litpt::cli::options::Options;
 use litpt::film::{Film, FilmTile};
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
-use litpt::integrator::gather::training::{allocate, train};
+use litpt::integrator::gather::training::{Found, allocate, pilot, train};
 use litpt::integrator::gather::{Allocation, Correction, Sample};
 use litpt::render::choose::{Method, Pixels, Sampling};
 use litpt::render::{Job, Renderer};
@@ -196,8 +196,10 @@ impl Stage {
         let (hasty, haste) = trained(rays / 10);
         let gather = &Gather { correction: None, ..self.renderer(seed) };
         let prototype = tracer(gather, &cache, one);
-        let (allocation, pilot) =
-            allocate(&prototype, &film, &|_| true).unwrap();
+        let found = pilot(&prototype, &film, false, &|_| true).unwrap();
+        let Found { pixels, rays: pilot, .. } = found;
+        let allocation =
+            allocate(&prototype, &film, &pixels, &|_| true).unwrap();
         let counts = vec![film.net_size as u32; film.area() as usize];
         let even = Allocation { counts, ..allocation.clone() };
         let unguided = RadianceCache { guides: vec![], ..cache.clone() };

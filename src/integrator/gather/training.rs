@@ -247,7 +247,8 @@ pub fn pilot<K: Intersector>(
         pixels.extend((0..tile.area()).map(pixel));
         let mut half = || [word(), word()].map(u64::cast_signed);
         let fragment = |_| [half(), half()];
-        gathered.push((0..count).map(fragment).collect());
+        let fragments: Vec<_> = (0..count).map(fragment).collect();
+        gathered.extend(shown.map(|_| fragments));
     }
     Some(Found { pixels, gathered, rays })
 }
