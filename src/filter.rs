@@ -484,6 +484,9 @@ pub struct Filtered {
     pub error: PictureError,
 }
 
+/// The samples of each pixel without which no image is filtered.
+pub const FEWEST: u64 = 4;
+
 /// Root mean squares over the pixels of a filtered image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PictureError {
@@ -495,10 +498,10 @@ pub struct PictureError {
 
 impl Filtered {
     /// Filters the image on a film; none if it has no fragments, a half of a
-    /// tile has no samples, or no pixel has samples of all that it shows.
+    /// tile has no samples, or there are fewer than four, or no pixel has samples of all that it shows.
     pub fn of(film: &Film) -> Option<Self> {
         let shown = film.fragments.as_deref()?;
-        if film.samples() < 2 * film.net_size {
+        if film.samples() < FEWEST.max(2 * film.net_size) {
             return None;
         }
         let (filter, gathered, corrected) = Filter::new(film, shown);

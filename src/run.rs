@@ -32,7 +32,7 @@ use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::film::{Film, Fragments, NEIGHBOUR_WEIGHT};
-use crate::filter::{Filtered, fragments};
+use crate::filter::{FEWEST, Filtered, fragments};
 use crate::host::{Host, Interrupt};
 use crate::image::{Image, Picture};
 use crate::inputs::in_first_rank;
@@ -164,12 +164,15 @@ impl<'a> Run<'a> {
             time.is_none() && samples.is_some_and(|n| (4..16).contains(&n));
         let (_, processes) = host.ranks.rank_and_size();
         let is_part = plan.part.is_some() || processes > 1;
-        if is_soon || is_part || self.key.sampling.glance || !plan.filters()
-        {
+        if is_soon || is_part || self.least() > 0 || !plan.filters() {
             return Ok(None);
         }
-        let asked = request(plan, world, host);
-        let request = Request { left: Some(0.), shows: true, ..asked };
+        let (asked, budget) =
+            (request(plan, world, host), Budget::samples(1));
+        let is_all = self.key.sampling.method == Method::Reference;
+        let left = asked.left.filter(|_| is_all).unwrap_or(0.);
+        let request =
+            Request { left: Some(left), budget, shows: true, ..asked };
         let (sampling, _) = world.setup().decide(&request, None);
         let key = run_key(plan, world, sampling, sampling.glance);
         let shown = self.shown.clone();
@@ -177,9 +180,13 @@ impl<'a> Run<'a> {
             Self::with(world, plan, host, key, None, Arc::default());
         run.shown = shown;
         let (mut film, mut convergence) = run.film(None)?;
-        let samples = Some(run.least());
+        // Limit a first picture
+        let least = run.least();
         let limits = Limits {
-            samples,
+            least,
+            samples: (!is_all).then_some(least),
+            deadline: plan.budget.deadline(host.start),
+            reserve: [0.3 * left; 2],
             interrupt: Some(interrupt),
             ..Limits::default()
         };
@@ -196,10 +203,16 @@ impl<'a> Run<'a> {
         part.or(self.plan.budget.samples).map(|n| n.max(least))
     }
 
-    /// The samples of each pixel that no limit ends: those of a glance.
+    /// The samples of each pixel that no limit of time ends: those of a picture
+    /// that is there soon, if all its samples count.
     fn least(&self) -> u64 {
-        let sampling = &self.key.sampling;
-        if sampling.glance { 2 * sampling.net_size } else { 0 }
+        let Sampling { method, net_size, glance, .. } = self.key.sampling;
+        let few = FEWEST.max(2 * net_size);
+        let area = self.key.windows()[1].area() as u64;
+        let is_soon = method == Method::Sobol
+            && few.saturating_mul(area) <= 1 << 22
+            && self.plan.budget.samples.is_none_or(|n| n >= few);
+        if glance || self.key.filtered && is_soon { few } else { 0 }
     }
 
     /// What the pixels show, if a picture is to be filtered.

@@ -80,17 +80,19 @@ impl Setup<'_> {
             // Make a picture soon
             let area = request.area();
             let few = Sampling { net_size: 8, ..sampling };
-            let seconds = forecast.first_paths(&few) * pace;
+            let seconds = 3. * forecast.first_paths(&few) * pace;
             let is_short = request.left.is_some_and(|left| left < seconds)
                 || request.budget.samples.is_some_and(|n| n < 4);
             if is_short {
-                let rate = forecast.pilot.rays / (pace * area as f64);
-                let fits =
-                    request.left.map_or(6., |left| 0.25 * left * rate);
-                sampling = sampling.glance((0.5 * fits) as u64);
+                let rate = forecast.pilot.rays / (3. * pace);
+                let rays = request.left.map_or(2e6, |left| left * rate);
+                sampling = sampling.glance(rays, area);
             } else {
                 let most = ((1 << 22) / area).max(4).ilog2();
-                sampling.net_size = sampling.net_size.min(1 << most);
+                let least =
+                    if sampling.method == Method::Sobol { 4 } else { 1 };
+                sampling.net_size =
+                    sampling.net_size.clamp(least, 1 << most);
             }
         }
         // Foresee the gains of all methods
@@ -264,13 +266,14 @@ impl Sampling {
         Self { net_size, training, ..self }
     }
 
-    /// The same, for a glance with at most so many samples in a net.
-    pub fn glance(self, most: u64) -> Self {
+    /// The same, for a glance at so many pixels with about so many rays.
+    pub fn glance(self, rays: f64, area: u64) -> Self {
+        let half = (0.15 * rays / area as f64) as u64;
         let (method, net_size) = match self.method {
-            Method::Gather => (Method::Gather, most.clamp(2, 3)),
-            _ => (Method::Sobol, 1 << most.clamp(2, 4).ilog2()),
+            Method::Gather => (Method::Gather, half.clamp(2, 3)),
+            _ => (Method::Sobol, 1 << half.clamp(2, 4).ilog2()),
         };
-        let training = self.training.min(200_000);
+        let training = (0.2 * rays).clamp(150e3, 1e6) as u64;
         Self { method, net_size, training, glance: true, ..self }
     }
 }
