@@ -170,11 +170,14 @@ impl<'a> Run<'a> {
         let (asked, budget) =
             (request(plan, world, host), Budget::samples(1));
         let is_all = self.key.sampling.method == Method::Reference;
-        let left = asked.left.filter(|_| is_all).unwrap_or(0.);
-        let request =
-            Request { left: Some(left), budget, shows: true, ..asked };
+        let all = asked.left.filter(|_| is_all);
+        let left = all.or(Some(0.));
+        let request = Request { left, budget, shows: true, ..asked };
         let (sampling, _) = world.setup().decide(&request, None);
-        let key = run_key(plan, world, sampling, sampling.glance);
+        if !sampling.glance {
+            return Ok(None);
+        }
+        let key = run_key(plan, world, sampling, true);
         let shown = self.shown.clone();
         let mut run =
             Self::with(world, plan, host, key, None, Arc::default());
@@ -184,9 +187,9 @@ impl<'a> Run<'a> {
         let least = run.least();
         let limits = Limits {
             least,
-            samples: (!is_all).then_some(least),
+            samples: all.is_none().then_some(least),
             deadline: plan.budget.deadline(host.start),
-            reserve: [0.3 * left; 2],
+            reserve: [0.3 * all.unwrap_or(0.); 2],
             interrupt: Some(interrupt),
             ..Limits::default()
         };
@@ -199,8 +202,8 @@ impl<'a> Run<'a> {
     /// The samples of each pixel to render here, if they are limited.
     pub fn goal(&self) -> Option<u64> {
         let part = self.key.part.map(|part| part.count());
-        let least = self.least();
-        part.or(self.plan.budget.samples).map(|n| n.max(least))
+        let samples = self.plan.budget.samples;
+        part.or(samples.map(|n| n.max(self.least())))
     }
 
     /// The samples of each pixel that no limit of time ends: those of a picture
@@ -212,7 +215,8 @@ impl<'a> Run<'a> {
         let is_soon = method == Method::Sobol
             && few.saturating_mul(area) <= 1 << 22
             && self.plan.budget.samples.is_none_or(|n| n >= few);
-        if glance || self.key.filtered && is_soon { few } else { 0 }
+        let shows = self.key.filtered && self.key.part.is_none();
+        if glance || shows && is_soon { few } else { 0 }
     }
 
     /// What the pixels show, if a picture is to be filtered.

@@ -94,7 +94,7 @@ fn a_picture_is_as_wrong_as_it_says() {
     }
 }
 
-/// There is nothing to filter without two values, and an image without noise
+/// There is nothing to filter without four values, and an image without noise
 /// stays as it is.
 #[test]
 fn what_needs_no_filter_is_not_changed() {
@@ -124,9 +124,10 @@ fn what_needs_no_filter_is_not_changed() {
     };
     assert!(film(1, 1).is_none());
     // A tile without a half has nothing around it to be filled from.
-    assert!(film(2, 0).is_none());
-    assert!(film(2, 1).is_none());
-    let exact = film(2, 2).unwrap();
+    assert!(film(4, 0).is_none());
+    assert!(film(4, 1).is_none());
+    assert!(film(3, 3).is_none());
+    let exact = film(4, 4).unwrap();
     assert!(mean_square(&exact.image.means) < 1e-15);
     assert!(exact.error.rmse < 1e-7, "{:?}", exact.error);
 }
