@@ -89,8 +89,10 @@ impl Setup<'_> {
                 sampling = sampling.glance(rays, area);
             } else {
                 let most = ((1 << 22) / area).max(4).ilog2();
-                let least =
-                    if sampling.method == Method::Sobol { 4 } else { 1 };
+                let half =
+                    request.budget.samples.map_or(4, |n| (n / 2).min(4));
+                let is_sobol = sampling.method == Method::Sobol;
+                let least = if is_sobol { 1 << half.ilog2() } else { 1 };
                 sampling.net_size =
                     sampling.net_size.clamp(least, 1 << most);
             }
