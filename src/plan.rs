@@ -360,7 +360,8 @@ impl Plan {
                 && descriptor(path).is_none()
         };
         let files = &self.outputs.files;
-        let is_whole = self.part.is_none() && self.reference.is_none();
+        let is_alone = self.reference.is_none() && self.cache.is_none();
+        let is_whole = self.part.is_none() && is_alone;
         is_whole && !files.is_empty() && files.iter().all(is_picture)
     }
 

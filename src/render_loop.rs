@@ -149,6 +149,9 @@ pub struct Convergence {
     pub picture: Option<f64>,
 }
 
+/// Samples of a pixel in a pass at most, of images that cost nothing.
+const MOST: u64 = 1 << 16;
+
 /// The time that the first sample has in any case.
 const FIRST: Duration = Duration::from_millis(100);
 
@@ -258,6 +261,7 @@ impl Convergence {
         let left = limits.end(1.).map(|end| left(end).as_secs_f64());
         let seconds = left.map_or(slice, |left| slice.min(left));
         let pace = self.pace.map_or(1, |pace| (seconds / pace) as u64);
+        let pace = pace.min(MOST);
         (due.min(self.spp.saturating_add(pace.max(1))), due)
     }
 

@@ -454,15 +454,19 @@ fn run_key(
 /// What is asked of a run that has begun.
 fn request(plan: &Plan, world: &World, host: Host) -> Request {
     let deadline = plan.budget.deadline(host.start);
+    let left = deadline.map(|end| {
+        end.saturating_duration_since(Instant::now()).as_secs_f64()
+    });
+    // Leave time for a glance
+    let shows = plan.shows_only_pictures() && plan.filters();
+    let part = if plan.filters() && !shows { 0.5 } else { 1. };
     Request {
         method: plan.method,
         seed: plan.seed,
         window: world.subject.sensed.window(),
         budget: plan.budget,
-        left: deadline.map(|end| {
-            end.saturating_duration_since(Instant::now()).as_secs_f64()
-        }),
-        shows: plan.shows_only_pictures() && plan.filters(),
+        left: left.map(|left| part * left),
+        shows,
     }
 }
 

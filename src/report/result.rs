@@ -255,6 +255,10 @@ impl Report {
     /// How exact the image of so many pixels is.
     fn quality(&self, pixels: u64) -> String {
         let (spp, last) = (self.convergence.spp, self.convergence.last());
+        if spp == 0 && self.picture.is_some() {
+            return "no sample of all pixels yet; the picture is a glance"
+                .into();
+        }
         if spp == 0 {
             return format!(
                 "{} of {pixels} pixels have no sample: they are filled from \

@@ -27,7 +27,8 @@ impl Setup<'_> {
         let (area, samples) = (request.area(), request.bound());
         let least = if request.shows { SHOWN } else { 1 };
         let paths = samples.unwrap_or(MANY).max(least).saturating_mul(area);
-        let pixels = (paths / 200).min(4096);
+        let fewest = if request.shows { 64 } else { 0 };
+        let pixels = (paths / 200).clamp(fewest, 4096);
         if pixels < 64 {
             return None;
         }
@@ -89,10 +90,14 @@ impl Setup<'_> {
                 sampling = sampling.glance(rays, area);
             } else {
                 let most = ((1 << 22) / area).max(4).ilog2();
-                let half =
-                    request.budget.samples.map_or(4, |n| (n / 2).min(4));
-                let is_sobol = sampling.method == Method::Sobol;
-                let least = if is_sobol { 1 << half.ilog2() } else { 1 };
+                let bits = match (sampling.method, request.budget.samples) {
+                    (Method::Sobol, Some(n)) => {
+                        n.trailing_zeros().min((n / 2).ilog2())
+                    }
+                    (Method::Sobol, None) => 2,
+                    _ => 0,
+                };
+                let least = 1 << bits.min(2);
                 sampling.net_size =
                     sampling.net_size.clamp(least, 1 << most);
             }
