@@ -99,7 +99,7 @@ function command() {
   const options = Object.entries(asked()).map(([name, value]) =>
     `${name}${name.startsWith("--") ? "=" : " "}${word(value)}`);
   return ["pt", word(state.scene), ...state.words.map(word), ...options,
-    "-o", word(`${output}.png`)].join(" ");
+    "-o", word(`${output}.exr`), "-o", word(`${output}.png`)].join(" ");
 }
 
 async function change(set) {

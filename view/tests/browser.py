@@ -272,6 +272,7 @@ def drive(browser, viewer, address, folder, axe):
     words = shlex.split(command)
     pt = os.path.join(os.path.dirname(viewer.args[0]), 'pt')
     with tempfile.TemporaryDirectory() as place:
+        words[-3] = os.path.join(place, 'image.exr')
         words[-1] = os.path.join(place, 'image.png')
         subprocess.run([pt, *words[1:], '-q'], check=True)
         with open(words[-1], 'rb') as file:
