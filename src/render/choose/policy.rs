@@ -27,8 +27,7 @@ impl Setup<'_> {
         let (area, samples) = (request.area(), request.bound());
         let least = if request.shows { SHOWN } else { 1 };
         let paths = samples.unwrap_or(MANY).max(least).saturating_mul(area);
-        let fewest = if request.shows { 64 } else { 0 };
-        let pixels = (paths / 200).clamp(fewest, 4096);
+        let pixels = (paths / 200).min(4096);
         if pixels < 64 {
             return None;
         }
