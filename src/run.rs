@@ -169,9 +169,9 @@ impl<'a> Run<'a> {
         }
         let (asked, budget) =
             (request(plan, world, host), Budget::samples(1));
-        let is_all = self.key.sampling.method == Method::Reference;
-        let all = asked.left.filter(|_| is_all);
-        let left = all.or(Some(0.));
+        let falls_back = self.key.sampling.method == Method::Reference;
+        let whole = asked.left.filter(|_| falls_back);
+        let left = whole.or(Some(0.));
         let request = Request { left, budget, shows: true, ..asked };
         let (sampling, _) = world.setup().decide(&request, None);
         if !sampling.glance {
@@ -187,9 +187,9 @@ impl<'a> Run<'a> {
         let least = run.least();
         let limits = Limits {
             least,
-            samples: all.is_none().then_some(least),
+            samples: whole.is_none().then_some(least),
             deadline: plan.budget.deadline(host.start),
-            reserve: [0.3 * all.unwrap_or(0.); 2],
+            reserve: [0.3 * whole.unwrap_or(0.); 2],
             interrupt: Some(interrupt),
             ..Limits::default()
         };

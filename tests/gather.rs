@@ -560,6 +560,38 @@ impl Stage {
     }
 }
 
+/// Without corrections the halves of a picture have caches of their own, which
+/// know different things of the same scene; with corrections they share one.
+#[test]
+fn the_halves_of_a_glance_have_caches_of_their_own() {
+    let stage = Stage::room((32, 24));
+    for correction in [None, Some(Correction::default())] {
+        let mut gather = Gather { correction, ..stage.gather(5) };
+        gather.learn(&mut stage.film(3), &|_| true);
+        let learnt = gather.learnt.get().unwrap();
+        let Some(twin) = &learnt.twin else {
+            assert!(correction.is_some());
+            continue;
+        };
+        assert!(correction.is_none() && *twin != learnt.cache);
+        // Even scrambles take one, and odd ones the other.
+        let mean = |own: &Arc<RadianceCache>, twin: Option<_>| {
+            let allocation = learnt.allocation.clone();
+            let (cache, pilot) = (own.clone(), vec![]);
+            let known = Learnt { cache, allocation, twin, pilot };
+            let learnt = Arc::new(known.into());
+            let mut gather =
+                Gather { correction, learnt, ..stage.gather(5) };
+            let mut film = stage.film(3);
+            gather.pass(&mut film, 6, &|_| true);
+            film.means().sum::<f64>()
+        };
+        let both = mean(&learnt.cache, Some(twin.clone()));
+        let each = [&learnt.cache, twin].map(|cache| mean(cache, None));
+        assert!(each.iter().all(|one| *one != both));
+    }
+}
+
 // ------------------------------------------------------ Stops while it learns
 
 // The scout, the rounds of training, the solution, the pilot and the

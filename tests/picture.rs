@@ -377,10 +377,49 @@ fn each_sample_counts_for_what_it_meets_first() {
         let mut state = Checkpoint::of_file(&path).unwrap();
         let mut film = state.record.run_key.film();
         state.fill(&mut film).unwrap();
-        let counts = film.halves.iter().flatten().flatten();
-        let corrected: i64 = counts.map(|half| half[2]).sum();
+        let halves = film.halves.iter().flatten().flatten();
+        let count = |k: usize| halves.clone().map(|half| half[k]).sum();
+        let [gathered, corrected]: [i64; 2] = [2, 3].map(count);
         // The triangle covers a part of the image.
-        let all = 16 * 12 * 64;
-        assert!((all / 20..all / 2).contains(&corrected), "{corrected}");
+        let is_part = |n: i64, all: i64| (all / 20..all / 2).contains(&n);
+        assert!(is_part(corrected, 16 * 12 * 64), "{corrected}");
+        // A gather has a pilot, whose samples are eight of each pixel.
+        let pilot = gathered - corrected;
+        match method {
+            "gather" => assert!(is_part(pilot, 16 * 12 * 8), "{pilot}"),
+            _ => assert_eq!(pilot, 0),
+        }
+    }
+}
+
+/// A glance is there whatever the time and the samples, and far better than
+/// what it stands for; numbers remain those that were asked for.
+#[test]
+fn a_glance_is_there_whatever_the_time() {
+    let place = Scratch::new();
+    let view = "room.obj -d64x48 -r0.7 -f";
+    place.done(&format!("{view} -q -n1024 -s9 -oa.pfm"));
+    let truth = place.image("a.pfm").means;
+    for limit in ["--time=1e-3", "-n1", "-n3"] {
+        let run = place.done(&format!("{view} {limit} -ob.png"));
+        assert!(run.stderr.contains(", a glance"), "{}", run.stderr);
+        assert!(run.stderr.contains("> picture "), "{}", run.stderr);
+        // Nothing but the picture differs where numbers are asked for, too.
+        place.done(&format!("{view} -q {limit} -oc.exr"));
+        let image = place.image("c.exr");
+        let shown =
+            image.more.iter().find(|(name, _)| *name == "filtered.Y");
+        let (_, shown) = shown.expect("a picture");
+        let square = |values: &[f64]| -> f64 {
+            let pairs = values.iter().zip(&truth);
+            pairs.map(|(a, b)| (a - b).powi(2)).sum()
+        };
+        if limit == "-n1" {
+            place.done(&format!("{view} -q -n1 -od.pfm"));
+            let plain = place.image("d.pfm").means;
+            assert_eq!(image.means, plain);
+            assert!(4. * square(shown) < square(&plain));
+        }
+        assert!(shown.iter().all(|it| it.is_finite()));
     }
 }

@@ -51,16 +51,22 @@ STEPS = 6  # of a search
 Run = namedtuple('Run', 'seconds mse claimed')
 
 
-def settings():
-    about, _, _ = __doc__.partition('\n\nCopyright')
+def contestants(about, budgets):
+    """A parser of what is compared in equal time."""
+    about, _, _ = about.partition('\n\nCopyright')
     parser = argparse.ArgumentParser(
         description=about, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument('pt')
     parser.add_argument('peer')
     parser.add_argument('scenes', nargs='+', metavar='SCENE')
     parser.add_argument('--rounds', type=int, default=5, metavar='N')
-    parser.add_argument('--budgets', default='4,16,64,256', metavar='N,...',
+    parser.add_argument('--budgets', default=budgets, metavar='N,...',
                         help='samples of the peer (default: %(default)s)')
+    return parser
+
+
+def settings():
+    parser = contestants(__doc__, '4,16,64,256')
     parser.add_argument('--reference', type=int, default=16384, metavar='N',
                         help='samples of the reference (default: %(default)s)')
     parser.add_argument('--integrator', metavar='NAME',

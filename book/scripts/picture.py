@@ -23,7 +23,6 @@ Copying and distribution of this file, with or without modification, are
 permitted in any medium without royalty provided the copyright notice and this
 notice are preserved. This file is offered as-is, without any warranty.
 """
-import argparse
 import os
 import tempfile
 import time
@@ -34,7 +33,7 @@ import numpy as np
 import OpenEXR
 from mitsuba_oidn import denoise
 
-from efficiency import SIZE, timed
+from efficiency import SIZE, contestants, timed
 from measure import radiances, say
 
 WIDTH, HEIGHT = SIZE
@@ -42,15 +41,7 @@ ALBEDO = 0.8
 
 
 def settings():
-    about, _, _ = __doc__.partition('\n\nCopyright')
-    parser = argparse.ArgumentParser(
-        description=about, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument('pt')
-    parser.add_argument('peer')
-    parser.add_argument('scenes', nargs='+', metavar='SCENE')
-    parser.add_argument('--rounds', type=int, default=5, metavar='N')
-    parser.add_argument('--budgets', default='4,16,64', metavar='N,...',
-                        help='samples of the peer (default: %(default)s)')
+    parser = contestants(__doc__, '4,16,64')
     parser.add_argument('--reference', type=float, default=60, metavar='S',
                         help='seconds of each of the two long runs '
                              '(default: %(default)s)')
