@@ -501,6 +501,35 @@ fn time_for_writing_is_kept_in_reserve() {
     }
 }
 
+// A run whose time is over before it begins makes what it has to make in any
+// case, and nothing more; a signal ends even that.
+#[test]
+fn the_least_samples_are_made_whatever_the_time() {
+    let (cancelled, going) = (Interrupt::default(), Interrupt::default());
+    cancelled.cancel();
+    for (least, interrupt) in [(0, &going), (3, &going), (3, &cancelled)] {
+        let (start, ticks) = (Instant::now(), AtomicU64::new(0));
+        // A tenth of a second, which the first sample has, is over soon.
+        let clock = || {
+            let now = ticks.fetch_add(1, Relaxed);
+            start + Duration::from_millis(10 * now)
+        };
+        let limits = Limits {
+            least,
+            deadline: Some(start),
+            clock: Some(&clock),
+            interrupt: Some(interrupt),
+            ..Limits::default()
+        };
+        let (_, film, stop) =
+            run(&mut job(Draw(|u| u), 1), (256, 256), &limits);
+        let is_stopped = matches!(stop, Stop::Signal(_));
+        assert_eq!(is_stopped, interrupt.signal().is_some());
+        let is_whole = least > 0 && !is_stopped;
+        assert_eq!(film.samples(), if is_whole { least } else { 0 });
+    }
+}
+
 // Before the first pass there can be no image.
 #[test]
 fn what_ends_the_program_before_there_is_a_sample_is_said() {
