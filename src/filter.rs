@@ -160,9 +160,7 @@ impl Filter<'_> {
     /// of its bias, if its halves are `shown`; nothing if it is not known.
     fn error(&self, p: usize, shown: Vec2) -> DVec2 {
         let Some(whole) = self.whole[p] else { return DVec2::ZERO };
-        let bias = (shown - whole).as_dvec2();
-        let difference = f64::from(shown.x - shown.y);
-        DVec2::new(0.25 * difference * difference, bias.x * bias.y)
+        error(whole, shown)
     }
 }
 
@@ -190,6 +188,14 @@ impl Filter<'_> {
         }
         sums
     }
+}
+
+/// Estimates without bias of the variance of halves that a filter has made of
+/// others, and of the square of its bias.
+fn error(whole: Vec2, shown: Vec2) -> DVec2 {
+    let bias = (shown - whole).as_dvec2();
+    let difference = f64::from(shown.x - shown.y);
+    DVec2::new(0.25 * difference * difference, bias.x * bias.y)
 }
 
 /// What a pixel of these fragments shows, if any surface.
@@ -388,22 +394,24 @@ const WINDOW: [f32; 10] = [
 impl Filter<'_> {
     /// What corrections add to each pixel, filtered over all surfaces as
     /// widely as makes the error least.
-    fn correct(
-        &self,
-        gathered: &[Halves],
-        corrected: Vec<Halves>,
-    ) -> Vec<Vec2> {
-        let mut best = self.means(&corrected);
-        if best.iter().all(|&it| it == Vec2::ZERO) {
-            return best;
+    fn correct(&self, corrected: Vec<Halves>) -> Vec<Vec2> {
+        let raw = self.means(&corrected);
+        if raw.iter().all(|&it| it == Vec2::ZERO) {
+            return raw;
         }
-        let gathered = self.compose(gathered);
-        let judge = |corrected: &[Vec2]| -> f64 {
-            let both = gathered.par_iter().zip(corrected);
-            let both = both.map(|(a, b)| a + b).collect::<Vec<_>>();
-            let errors = self.errors(&both);
-            errors.iter().flatten().map(|error| error.element_sum()).sum()
+        let judge = |way: &[Vec2]| -> f64 {
+            let error = |p: usize| {
+                let is_known = self.whole[p].is_some();
+                let errors = is_known.then(|| error(raw[p], way[p]));
+                errors.map_or(0., |errors| errors.element_sum())
+            };
+            let width = self.grid.width;
+            let rows = (0..way.len() / width).into_par_iter();
+            let row = |y: usize| (y * width..(y + 1) * width).map(error);
+            let sums = rows.map(|y| row(y).sum()).collect::<Vec<f64>>();
+            sums.iter().sum()
         };
+        let mut best = raw.clone();
         let (mut least, mut before) = (judge(&best), best.clone());
         let mut now = corrected;
         for level in 0..LEVELS {
@@ -498,7 +506,8 @@ pub struct PictureError {
 
 impl Filtered {
     /// Filters the image on a film; none if it has no fragments, a half of a
-    /// tile has no samples, or there are fewer than four, or no pixel has samples of all that it shows.
+    /// tile has no samples, there are fewer than four samples a pixel, or no
+    /// pixel has samples of all that it shows.
     pub fn of(film: &Film) -> Option<Self> {
         let shown = film.fragments.as_deref()?;
         if film.samples() < FEWEST.max(2 * film.net_size) {
@@ -508,7 +517,7 @@ impl Filtered {
         if filter.whole.iter().all(Option::is_none) {
             return None;
         }
-        let corrected = filter.correct(&gathered, corrected);
+        let corrected = filter.correct(corrected);
         let shown = filter.filter(gathered, &corrected);
         // Find the error of the image
         let mut known = [[0; 2]; CLASSES];
