@@ -13,34 +13,11 @@ use glam::{DVec2, Vec2, Vec3A, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::LitView;
-use crate::bvh::{Bvh, GROUND};
 use crate::film::{Film, Fragment, Fragments, HalfBuffers, UNIT};
 use crate::image::Image;
-use crate::sampler::within;
 use blocks::{Best, CLASSES, Grid};
 use fit::{Fit, Plane};
-pub use look::fragments;
-
-/// The means of at most about 2^14 pixels of a film, evenly spread, whose
-/// centres show a surface of the scene, and not the ground below it.
-pub fn surface_means(bvh: &Bvh, view: &LitView, film: &Film) -> Vec<f64> {
-    let ((left, top), (right, bottom)) =
-        (film.window.corner, film.window.end());
-    let step = (film.area() as f64 / 16384.).sqrt().ceil() as usize;
-    let rows = (top..bottom).into_par_iter().step_by(step);
-    let (columns, lines) = view.resolution;
-    let centre = |i, n| within(i, n, 1 << 31);
-    let pixels = rows.flat_map_iter(|y| {
-        let shown = (left..right).step_by(step).filter(move |&x| {
-            let (x, y) = (centre(x, columns), centre(y, lines));
-            let (_, _, hit) = view.sensor.start(bvh, x, y);
-            hit.is_some_and(|hit| hit.primitive < GROUND)
-        });
-        shown.map(move |x| film.pixel(x, y).mean())
-    });
-    pixels.collect()
-}
+pub use look::{fragments, surface_means};
 
 /// The sums of both halves of a fragment, and the samples that they have.
 #[derive(Clone, Copy)]
@@ -283,6 +260,26 @@ impl Filter<'_> {
 }
 
 impl Filter<'_> {
+    /// The mean near each pixel of what is known of the pixels.
+    fn near(
+        &self,
+        known: impl Fn(usize) -> Option<f32> + Sync,
+    ) -> impl Iterator<Item = f64> {
+        let halves = |p: usize| {
+            let count = f32::from(known(p).is_some());
+            let value = known(p).unwrap_or_default();
+            Halves::new(Vec2::splat(value), Vec2::splat(count))
+        };
+        let pixels = (0..self.whole.len()).into_par_iter();
+        let mut values: Vec<Halves> = pixels.map(halves).collect();
+        for level in 0..3 {
+            values = self.blur(&values, 1 << level);
+        }
+        values.into_iter().map(|it| f64::from(it.mean().x))
+    }
+}
+
+impl Filter<'_> {
     /// The plane in place and normal that fits the fragments around one, drawn
     /// to those of all its surroundings where there are few samples.
     fn plane(
@@ -399,11 +396,19 @@ impl Filter<'_> {
         if raw.iter().all(|&it| it == Vec2::ZERO) {
             return raw;
         }
+        // Find the light around each pixel
+        let light =
+            |p: usize| self.whole[p].map(|it| 0.5 * it.element_sum());
+        let light: Vec<f64> =
+            self.near(light).map(|it| it.max(0.)).collect();
+        let mean = light.iter().sum::<f64>() / light.len() as f64;
         let judge = |way: &[Vec2]| -> f64 {
             let error = |p: usize| {
                 let is_known = self.whole[p].is_some();
                 let errors = is_known.then(|| error(raw[p], way[p]));
-                errors.map_or(0., |errors| errors.element_sum())
+                let error =
+                    errors.map_or(0., |errors| errors.element_sum());
+                error / (light[p] + mean).powi(2)
             };
             let width = self.grid.width;
             let rows = (0..way.len() / width).into_par_iter();
@@ -536,17 +541,8 @@ impl Filtered {
         let square = error.y.max(0.);
         let (rmse, bias) = ((error.x + square).sqrt(), square.sqrt());
         // State the error of each pixel
-        let variance = |(p, shown)| {
-            let variance = filter.error(p, shown).x as f32;
-            let count = f32::from(filter.whole[p].is_some());
-            Halves::new(Vec2::splat(variance), Vec2::splat(count))
-        };
-        let pixels = shown.par_iter().copied().enumerate();
-        let mut variances: Vec<Halves> = pixels.map(variance).collect();
-        for level in 0..3 {
-            variances = filter.blur(&variances, 1 << level);
-        }
-        let errors = variances.iter().map(|it| f64::from(it.mean().x));
+        let variance = |p: usize| filter.error(p, shown[p]).x as f32;
+        let errors = filter.near(|p| filter.whole[p].map(|_| variance(p)));
         let errors = errors.map(|variance| (variance + square).sqrt());
         let means = shown.iter().map(|it| f64::from(0.5 * (it.x + it.y)));
         let (columns, rows) = film.window.size;

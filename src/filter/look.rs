@@ -9,8 +9,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::analysis::LitView;
-use crate::bvh::{BEAM, Bvh};
-use crate::film::{Fragment, Fragments, Window, best_of};
+use crate::bvh::{BEAM, Bvh, GROUND};
+use crate::film::{Film, Fragment, Fragments, Window, best_of};
+use crate::sampler::within;
 use crate::sensor::{Place, Sensor};
 
 /// What a ray through a pixel sees: a surface, or the radiance of the sky.
@@ -147,4 +148,24 @@ fn look(
         let hit = starts.hits[i].as_ref();
         (hit.map(|hit| Fragment::new(origin, hit)), sky)
     })
+}
+
+/// The means of at most about 2^14 pixels of a film, evenly spread, whose
+/// centres show a surface of the scene, and not the ground below it.
+pub fn surface_means(bvh: &Bvh, view: &LitView, film: &Film) -> Vec<f64> {
+    let ((left, top), (right, bottom)) =
+        (film.window.corner, film.window.end());
+    let step = (film.area() as f64 / 16384.).sqrt().ceil() as usize;
+    let rows = (top..bottom).into_par_iter().step_by(step);
+    let (columns, lines) = view.resolution;
+    let centre = |i, n| within(i, n, 1 << 31);
+    let pixels = rows.flat_map_iter(|y| {
+        let shown = (left..right).step_by(step).filter(move |&x| {
+            let (x, y) = (centre(x, columns), centre(y, lines));
+            let (_, _, hit) = view.sensor.start(bvh, x, y);
+            hit.is_some_and(|hit| hit.primitive < GROUND)
+        });
+        shown.map(move |x| film.pixel(x, y).mean())
+    });
+    pixels.collect()
 }
