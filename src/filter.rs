@@ -396,7 +396,7 @@ impl Filter<'_> {
         if raw.iter().all(|&it| it == Vec2::ZERO) {
             return raw;
         }
-        // Find the light around each pixel
+        // Judge corrections by their error for the eye
         let light =
             |p: usize| self.whole[p].map(|it| 0.5 * it.element_sum());
         let light: Vec<f64> =
