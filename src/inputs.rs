@@ -174,7 +174,10 @@ fn materials(
         let is_asked = plan.surfaces.materials == Some(true);
         let found = libraries(&mesh.marks, file, plan.surfaces.band);
         let (albedos, warnings) = match found {
-            Err(_) if !is_asked => Default::default(),
+            Err(fault) if !is_asked => {
+                host.warn(fault.to_string());
+                Default::default()
+            }
             found => found?,
         };
         if is_asked || !albedos.is_empty() {

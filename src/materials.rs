@@ -81,7 +81,7 @@ pub fn libraries(
         // Read one library
         let shown = folder.join(quoted(&name)).display().to_string();
         let path = folder.join(name);
-        let instead = "without --materials, -r is the albedo of all";
+        let instead = "without materials, -r is the albedo of all";
         let bytes = match path.exists() && !path.is_file() {
             true => Err("not a file".to_owned()),
             false => fs::read(path).map_err(|e| format!("{e}; {instead}")),

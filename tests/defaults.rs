@@ -132,7 +132,10 @@ fn a_picture_of_nothing_said_has_the_radiances_of_its_defaults() {
     let named = format!("mtllib a.mtl\nusemtl grey\n{SQUARE}");
     place.put("square.obj", named);
     let run = place.done(&line);
-    run.told(&["square.obj: its materials are ignored, 1 of them"]);
+    run.told(&[
+        "a.mtl: No such file or directory",
+        "square.obj: its materials are ignored, 1 of them",
+    ]);
     assert!(levels().iter().all(|&it| it.abs_diff(level(0.7)) <= 1));
     place.put("a.mtl", "newmtl grey\nKd 0.5 0.5 0.5\n");
     let run = place.done(&line);
@@ -159,6 +162,7 @@ fn a_picture_has_the_axis_up_that_looks_so() {
         "-u 0,1,0 -F 35\n",
         "zenith y, above a ground",
         "defaults  field of view 35 (-F), albedo",
+        ", the axis up that faces suggest, or z (-u), until",
     ]);
     let run = place.free("a.obj -d8x6 -oa.pfm");
     run.told(&["zenith z; but y looks up: -u y"]);

@@ -242,6 +242,9 @@ impl Options {
             plan.sky.ground = Some(0.3);
             said.push("ground 0.3 (--ground)");
         }
+        if !plan.says_up() {
+            said.push("the axis up that faces suggest, or z (-u)");
+        }
         if (limits.samples, limits.time, limits.error) == (None, None, None)
         {
             (plan.budget.samples, plan.budget.time) = (None, Some(10.));

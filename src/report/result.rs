@@ -210,8 +210,10 @@ impl Report {
             ("scene", scene),
         ];
         if let Some(PictureError { rmse, bias }) = self.picture {
-            let text =
-                format!("rmse {rmse:.6}, of which {bias:.6} by filtering");
+            let mut text = format!("rmse {rmse:.6}");
+            if bias > 0. {
+                text += &format!(", of which {bias:.6} by filtering");
+            }
             lines.insert(2, ("picture", text));
         }
         // Say what was chosen and left out
