@@ -214,14 +214,14 @@ check-tex:
 	  echo '$(TEX_INSTALL)' >&2; exit 1; }
 
 # A book: its chapters are woven, and LaTeX is run as often as it needs. The
-# volumes of a book refer to each other's pages: each is set twice, which costs
+# volumes of a book refer to each other's pages: each is set three times, which costs
 # nothing if it has not changed.
 # $(call MAKE_BOOK,MASTER,WEB,DIRECTORY,VOLUMES)
 define MAKE_BOOK
 @mkdir -p $(3)
 $(NOWEB) noweave $(NOWEAVE_OPTS) -backend '$(NOWEB) split_scope -o $(3)' $(2)
 @echo 'latexmk $(3)/$(1).tex'
-@for volume in $(4) $(4); do \
+@for volume in $(4) $(4) $(4); do \
   TEX_DIR=$(3) latexmk -silent -r doc/latexmkrc -jobname=$$volume $(3)/$(1).tex \
   > $(3)/latexmk.log 2>&1 || { \
   grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(3)/$$volume.log | \
@@ -233,7 +233,7 @@ endef
 BOOK_NEEDS = $(NOWEB) config.mk \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 
-VOLUMES = litpt litpt-program
+VOLUMES = litpt litpt-geometry litpt-program
 $(VOLUMES:%=$(BUILD_DIR)/%.pdf) &: $(WEB) $(BOOK_NEEDS) $(FIGURES) $(TABLES)
 	$(call MAKE_BOOK,litpt,$(WEB),$(BUILD_DIR)/tex,$(VOLUMES))
 

@@ -331,17 +331,23 @@ places: $(BUILD_DIR)/pt $(call AND_VIEWS,$(BENCH)/statue-100000)
 
 # ---- the pictures of the README
 
-.PHONY: bench-error readme
-bench-error: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
-	$(RECORD) error $(call BESIDE_PEER,error,$(BENCH)/courtyard)
+.PHONY: readme
+doc/figures/error.svg: $(MEASURED)/efficiency.csv $(SCRIPTS)/curve.py
+	python3 $(SCRIPTS)/curve.py corridor statue < $< > $@
 
-doc/figures/error.svg: $(MEASURED)/error.csv $(SCRIPTS)/curve.py
-	python3 $(SCRIPTS)/curve.py < $< > $@
-
-# Some minutes; the picture is not made again by each build.
-readme: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj doc/figures/error.svg
-	$(BUILD_DIR)/pt $(CAMERA) -d 400x300 -n 3000 -r 0.8 -f \
-	  -i $(BUILD_DIR)/courtyard.obj -o doc/figures/readme.png
+# A strip of a room: few samples, the same filtered, its error, and the truth.
+# Some minutes; the pictures are not made again by each build.
+STRIP = $(BUILD_DIR)/pt $$(cat $(BENCH)/room.view) -d 240x180 -r 0.8 -qf \
+  -i $(BENCH)/room.obj
+STRIPS := doc/figures/readme
+readme: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(BENCH)/room.obj $(BENCH)/room.view \
+  doc/figures/error.svg
+	$(STRIP) -n 4 --integrator reference --no-filter -e 5 -o $(STRIPS)-4.png
+	$(STRIP) --time 2 --exposure 5 -o $(STRIPS)-filtered.png \
+	  -o $(BUILD_DIR)/figures/readme.exr
+	$(BUILD_DIR)/ptimg stderr -f $(BUILD_DIR)/figures/readme.exr \
+	  -o $(STRIPS)-error.png
+	$(STRIP) -n 2048 --no-filter --exposure 5 -o $(STRIPS)-truth.png
 
 # ---- mixtures of scales
 
@@ -446,6 +452,42 @@ $(PICTURED:%=$(BUILD_DIR)/figures/glance-%.png): $(BUILD_DIR)/figures/glance-%.p
   $(BENCH)/%.obj $(BENCH)/%.view $(BUILD_DIR)/pt | $(BUILD_DIR)/figures
 	$(BUILD_DIR)/pt -r 0.8 $$(cat $(BENCH)/$*.view) -d 320x240 -n 1 -q -f \
 	  --exposure auto -i $(BENCH)/$*.obj -o $@
+
+# ---- a path tracer in ten pages
+
+# What it is called with, and the part of it that each of some chapters replaces.
+TERRACE = doc/examples/terrace.obj 5,0.2,2.6 2.2,2.5,0.55
+FIGURES += $(BUILD_DIR)/figures/tiny.png
+TABLES += $(BUILT)/tiny.tex $(BUILD_DIR)/examples/gallery.txt \
+  $(addprefix $(BUILD_DIR)/examples/tiny-,hit.txt random.txt reflect.txt \
+  mean.txt render.txt)
+REPLACED_hit = Find the first triangle that a ray meets
+REPLACED_random = Draw random numbers
+REPLACED_reflect = Reflect the ray on its own side of the triangle
+REPLACED_mean = Average samples
+REPLACED_render = Render an image
+
+$(BUILD_DIR)/examples/tiny-%.txt: chapters/tiny.nw $(NOWEB)
+	@mkdir -p $(@D)
+	$(NOWEB) notangle -R'$(REPLACED_$*)' $< > $@
+
+$(BUILD_DIR)/examples/gallery.txt $(BUILD_DIR)/figures/tiny.pgm &: \
+  examples/gallery.rs examples/tiny.rs doc/examples/terrace.obj \
+  | $(BUILD_DIR)/figures
+	@mkdir -p $(BUILD_DIR)/examples
+	$(CARGO) run -q --release --example gallery > $(BUILD_DIR)/examples/gallery.txt
+	echo '$$ cargo run --release --example tiny -- \' > $(BUILD_DIR)/examples/tiny.txt
+	echo '    $(TERRACE) 256 > tiny.pgm' >> $(BUILD_DIR)/examples/tiny.txt
+	$(CARGO) run -q --release --example tiny -- $(TERRACE) 256 \
+	  > $(BUILD_DIR)/figures/tiny.pgm 2>> $(BUILD_DIR)/examples/tiny.txt
+
+$(BUILD_DIR)/figures/tiny.png: $(BUILD_DIR)/figures/tiny.pgm $(BUILD_DIR)/ptimg
+	$(BUILD_DIR)/ptimg tonemap -qf -o $@ $< 2> /dev/null
+
+# How weak it is: a minute on an idle machine.
+.PHONY: tiny
+tiny: $(BOOK)
+	$(RECORD) tiny $(BOOK) tiny doc/examples/terrace.obj
 
 # ---- geometry: figures
 

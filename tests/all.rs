@@ -47,6 +47,7 @@ mod shards;
 mod sobol;
 mod statistics;
 mod stiff;
+mod tiny;
 mod trace;
 mod traversal;
 mod view;

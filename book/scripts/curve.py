@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """curve.py -- draws error against time, ours and the peer's, as SVG
 
-usage: curve.py < doc/measured/error.csv > doc/figures/error.svg
+usage: curve.py SCENE... < doc/measured/efficiency.csv > doc/figures/error.svg
+
+A panel for each scene. The times are those of whole runs.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
@@ -12,9 +14,10 @@ import csv
 import math
 import sys
 
-WIDTH, HEIGHT = 480, 300
-LEFT, RIGHT, TOP, BOTTOM = 60, 110, 15, 45
-NAMES = {'ours': ('litpt', '#1f5a96'), 'peer': ('Embree', '#c0561a')}
+WIDTH, HEIGHT = 340, 260
+LEFT, RIGHT, TOP, BOTTOM = 58, 12, 26, 42
+NAMES = {'equal': ('litpt', '#1f5a96'), 'peer': ('Embree', '#c0561a')}
+SCENES = {'backroom': 'a back room'}
 
 
 def scale(values, low, high):
@@ -37,18 +40,12 @@ def text(x, y, words, anchor='middle', more=''):
         f'{words}</text>'
 
 
-def main():
-    rows = list(csv.DictReader(
-        line for line in sys.stdin if not line.startswith('#')))
+def panel(scene, rows):
     points = {who: [(float(row[who + '_seconds']), float(row[who + '_error']))
-                    for row in rows if row[who + '_seconds']]
-              for who in NAMES}
+                    for row in rows] for who in NAMES}
     seconds, errors = zip(*(p for line in points.values() for p in line))
     x_of, x_ticks = scale(seconds, LEFT, WIDTH - RIGHT)
     y_of, y_ticks = scale(errors, HEIGHT - BOTTOM, TOP)
-    print(f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" '
-          f'height="{HEIGHT}" font-family="sans-serif" font-size="12">')
-    print('<rect width="100%" height="100%" fill="white"/>')
     for t in x_ticks:
         print(f'<path d="M{x_of(t):.1f} {TOP}V{HEIGHT - BOTTOM}" '
               'stroke="#ddd"/>', text(x_of(t), HEIGHT - BOTTOM + 16, f'{t:g}'))
@@ -56,20 +53,32 @@ def main():
         print(f'<path d="M{LEFT} {y_of(t):.1f}H{WIDTH - RIGHT}" '
               'stroke="#ddd"/>', text(LEFT - 6, y_of(t) + 4, f'{t:g}', 'end'))
     for who, (name, colour) in NAMES.items():
-        if not points[who]:
-            continue
         line = ' '.join(f'{x_of(s):.1f},{y_of(e):.1f}' for s, e in points[who])
         print(f'<polyline points="{line}" fill="none" stroke="{colour}" '
               'stroke-width="2"/>')
-        shift = 20 * list(NAMES).index(who) - 10
-        x, y = line.split()[-1].split(',')
-        print(text(float(x) + 14, float(y) + shift, name, 'start',
+        x, y = map(float, line.split()[-1].split(','))
+        print(text(x - 6, y + (4 if who == 'equal' else -10), name, 'end',
                    f' fill="{colour}"'))
     middle = (LEFT + WIDTH - RIGHT) / 2
+    print(text(middle, 16, SCENES.get(scene, f'the {scene}')))
     print(text(middle, HEIGHT - 8, 'seconds, two threads'))
-    print(text(0, 0, 'error of a pixel', 'middle',
-               f' transform="translate(14 {(TOP + HEIGHT - BOTTOM) / 2:.1f})'
-               ' rotate(-90)"'))
+
+
+def main():
+    rows = list(csv.DictReader(
+        line for line in sys.stdin if not line.startswith('#')))
+    print(f'<svg xmlns="http://www.w3.org/2000/svg" '
+          f'width="{WIDTH * len(sys.argv[1:])}" height="{HEIGHT}" '
+          'font-family="sans-serif" font-size="12">')
+    print('<rect width="100%" height="100%" fill="white"/>')
+    for i, scene in enumerate(sys.argv[1:]):
+        print(f'<g transform="translate({i * WIDTH} 0)">')
+        panel(scene, [row for row in rows if row['scene'] == scene
+                      and row['albedo'] == '0.8'])
+        if i == 0:
+            print(text(0, 0, 'error of a pixel', 'middle',
+                       f' transform="translate(14 {HEIGHT / 2}) rotate(-90)"'))
+        print('</g>')
     print('</svg>')
 
 

@@ -4,7 +4,6 @@
 usage: measure.py peer PT [PEER] SCENE...   rates, load, memory of both
        measure.py sizes PT [PEER] SCENE...  the same scene in several sizes
        measure.py mixtures PT [PEER] SCENE...  rates and means of mixtures
-       measure.py error PT [PEER] SCENE     error of the image against time
        measure.py show FILE.csv...          a table for the eye
 
 A SCENE is a path without its ending: SCENE.obj, and SCENE.view with the
@@ -262,12 +261,7 @@ def mixtures(programs, scenes):
                   theirs[0], mean, error, *theirs[1:], sep=',', flush=True)
 
 
-ERROR = (200, 150)  # the image whose error is measured
-DOUBLINGS = 7
-REFERENCE = 1024  # samples of a pixel
-
-
-def radiances(path, definition=ERROR):
+def radiances(path, definition):
     """The pixels of our PFM, which begins below, or of the peer's file of
     means and standard errors."""
     data = open(path, 'rb').read()
@@ -283,35 +277,6 @@ def mean_square(pixels, reference):
     return sum((a - b) ** 2 for a, b in zip(pixels, reference)) / len(pixels)
 
 
-def error(programs, scenes):
-    """The error of an image against the seconds of the whole run."""
-    print('samples,ours_seconds,ours_error,peer_seconds,peer_error')
-    processors = sorted(os.sched_getaffinity(0))[:2]
-    files = [os.path.join(programs.folder, name)
-             for name in ('image.pfm', 'image.raw')]
-
-    def timed(program, scene, n, seed, file):
-        began = time.monotonic()
-        program(scene, processors, n, seed, ERROR, out=file)
-        return time.monotonic() - began, radiances(file)
-
-    scene, = scenes
-    say('the reference')
-    reference = timed(programs.ours, scene, REFERENCE, 0, files[0])[1]
-    both = [programs.ours, programs.theirs][:2 if programs.peer else 1]
-    for n in (2 ** i for i in range(DOUBLINGS)):
-        say(f'{n} spp')
-        row = [n]
-        runs = [[timed(program, scene, n, seed, file)
-                 for program, file in zip(both, files)]
-                for seed in range(1, FEWEST + 1)]
-        for mine in zip(*runs):
-            squares = [mean_square(p, reference) for _, p in mine]
-            row += [f'{median(seconds for seconds, _ in mine):.3f}',
-                    f'{math.sqrt(sum(squares) / len(squares)):.5f}']
-        print(*row, *[''] * (5 - len(row)), sep=',', flush=True)
-
-
 def show(path):
     rows = [line.rstrip('\n').split(',')
             for line in open(path) if not line.startswith('#')]
@@ -325,8 +290,7 @@ def main():
     verb, arguments = sys.argv[1:2], sys.argv[2:]
     if verb == ['show']:
         return [show(path) for path in arguments]
-    verbs = {'peer': peer, 'sizes': sizes,
-             'mixtures': mixtures, 'error': error}
+    verbs = {'peer': peer, 'sizes': sizes, 'mixtures': mixtures}
     measure = verbs.get(''.join(verb))
     if not measure or not arguments:
         sys.exit(__doc__)

@@ -331,11 +331,12 @@ def refer(key):
     return rf'\href{{{page_of[key]}.html\#{key}}}{{{numbers[key]}}}'
 
 
-def exercise(key):
+def exercise(grade, key):
     page = page_of.get('answer:' + key)
+    answer = rf'(\href{{{page}.html\#answer:{key}}}{{answer}}) '
     return (f'\n\n\\hypertarget{{exercise:{key}}}{{}}'
             rf'\textbf{{{numbers.get("exercise:" + key, "?")}}} '
-            rf'(\href{{{page}.html\#answer:{key}}}{{answer}}) ')
+            + (' □▣■'[int(grade or 0)] + ' ').lstrip() + (answer if page else ''))
 
 
 def cite(note, keys):
@@ -429,7 +430,7 @@ class Chapter:
         s = s.replace(r'\begin{exercises}', r'\section*{Exercises}')
         s = s.replace(r'\end{exercises}', '')
         s = expand(s, 'paragraph', 1, lambda t: rf'\textbf{{{t}}} ')
-        s = expand(s, 'exercise', 1, exercise)
+        s = expand(s, 'exercise', 1, exercise, option=True)
         s = expand(s, 'answer', 1, lambda k: '\n\n\\section*{'
                    rf'\hypertarget{{answer:{k}}}{{}}Answer to exercise '
                    + refer('exercise:' + k) + '}\n\n')
@@ -703,9 +704,9 @@ LOOKED_UP = {'bibliography': 'Bibliography', 'subjects': 'Index of subjects',
 
 
 def door(chapters):
-    """What the README says first, and the curves to play with."""
+    """What the README says first, the way in, and the curves to play with."""
     with open(os.path.join(os.path.dirname(WEB), 'README.md')) as file:
-        text, _, _ = file.read().partition('\n## ')
+        text, _, _ = file.read().partition('\n## Run it')
     _, _, text = text.partition('\n')
     made = subprocess.run(['pandoc', '-f', 'gfm', '-t', 'html'], input=text,
                           capture_output=True, text=True, check=True).stdout
@@ -715,6 +716,9 @@ def door(chapters):
         shutil.copy(source, os.path.join(OUT, 'figures'))
         return f'src="figures/{os.path.basename(source)}"'
     made = re.sub(r'src="([^"]*)"', picture, made)
+    if 'tiny' in chapters:
+        made += ('<p><a href="tiny.html">Begin here: a path tracer in ten '
+                 'pages</a></p>')
     if 'time_to_error' in chapters:
         made += ('<figure>' + web_play.play('fig:efficiency', PATHS, OUT)
                  + '<figcaption>Error against time beside a path tracer on '

@@ -21,6 +21,7 @@ mod nets;
 mod parts;
 mod scenes;
 mod stability;
+mod tiny;
 mod traversal;
 
 use std::error::Error;
@@ -40,7 +41,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 14] = [
+pub const ALL: [Part; 15] = [
     ("ablation", ablation::run),
     ("bounces", bounces::run),
     ("calibration", calibration::run),
@@ -54,6 +55,7 @@ pub const ALL: [Part; 14] = [
     ("parts", parts::run),
     ("scenes", scenes::run),
     ("stability", stability::run),
+    ("tiny", tiny::run),
     ("traversal", traversal::run),
 ];
 
