@@ -71,11 +71,11 @@ pub fn read(text: &str) -> Result<Vec<Triangle>, Box<dyn Error>> {
                 // Cut a face into triangles
                 let mut face = vec![];
                 for corner in corners {
-                    let number = corner.split('/').next().unwrap_or_default();
+                    let number = corner.split('/').next().unwrap_or("");
                     let number: i64 = number.parse()?;
-                    let before = if number < 0 { points.len() as i64 } else { -1 };
-                    let point = points.get((before + number) as usize);
-                    face.push(*point.ok_or("a face has no such point")?);
+                    let end = points.len() as i64;
+                    let index = if number < 0 { end + number } else { number - 1 };
+                    face.push(*points.get(index as usize).ok_or("no such point")?);
                 }
                 for i in 2..face.len() {
                     triangles.push([face[0], face[i - 1], face[i]]);
@@ -211,7 +211,8 @@ pub fn render(
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = env::args().skip(1).collect();
-    let file = words.first().ok_or("usage: tiny SCENE.obj [FROM TO [PATHS]]")?;
+    let usage = "usage: tiny SCENE.obj [FROM TO [PATHS]]";
+    let file = words.first().ok_or(usage)?;
     let scene = read(&fs::read_to_string(file)?)?;
     let camera = match &words[1..] {
         [from, to, ..] => Camera::new(point(from)?, point(to)?),

@@ -1,9 +1,9 @@
 // Tangled from chapters/analysis.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What a scene, its camera and the options make superfluous.
+//! The work that a scene, its camera and the options make superfluous.
 //!
-//! Each shortcut is proved in the book. None changes a sample.
+//! The book proves each shortcut. None changes a sample.
 
 pub mod background;
 pub mod interior;
@@ -18,10 +18,10 @@ use crate::sky::Sky;
 use background::KnownPixels;
 use interior::{is_inside, lets_out};
 
-/// The names of the shortcuts, in the order in which they are looked for.
+/// The names of the shortcuts, in the order of their searches.
 pub const SHORTCUTS: [&str; 2] = ["dark", "background"];
 
-/// What has been found about one shortcut.
+/// The result of the search for one shortcut.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// Its name.
@@ -30,40 +30,40 @@ pub struct Finding {
     /// Whether it applies, so that something is left out.
     #[serde(skip)]
     pub applies: bool,
-    /// What was found, for people.
+    /// The finding, for people.
     #[serde(rename = "why")]
     pub reason: String,
 }
 
-/// All that has been found about a scene, and what the renderer takes
-/// from it.
+/// All findings about a scene, and the part of them that the renderer
+/// needs.
 #[derive(Default)]
 pub struct SceneAnalysis {
-    /// One for each shortcut that was looked for, and for what the scene
-    /// has left out already.
+    /// One for each shortcut that was searched, and for the triangles that
+    /// the scene has left out.
     pub findings: Vec<Finding>,
-    /// What is known of the image before it is rendered.
+    /// The contents of the tiles, as far as they are known.
     pub known_pixels: KnownPixels,
 }
 
-/// What is shown of a scene: the view, the light and the surfaces. The
-/// shortcuts ask about them, and the renderers are made from them.
+/// The view of a scene, with the light and the surfaces. Searches examine
+/// it, and the renderers are made from it.
 #[derive(Clone, Copy)]
 pub struct LitView<'a> {
-    /// What starts the samples.
+    /// The camera or the receivers.
     pub sensor: &'a Sensor,
     /// The only light.
     pub sky: Sky,
-    /// What the surfaces reflect.
+    /// The albedos of the surfaces.
     pub surfaces: Surfaces<'a>,
     /// Width and height of the image.
     pub resolution: (u32, u32),
 }
 
 impl SceneAnalysis {
-    /// Looks for all shortcuts but those by which nothing shall be left out,
-    /// `kept`. The intersector is that of the scene, which has left out the
-    /// faces `left_out`.
+    /// Searches for all shortcuts except those that are not wanted, `kept`.
+    /// The intersector is that of the scene, which has left out the faces
+    /// `left_out`.
     pub fn find(
         left_out: &[Vec<u32>; 2],
         intersector: &Bvh,
@@ -73,7 +73,7 @@ impl SceneAnalysis {
         let mut findings = of_the_scene(left_out);
         let mut known_pixels = KnownPixels::default();
         for name in SHORTCUTS {
-            // Search for one shortcut if it is wanted
+            // Search for one shortcut unless it is kept
             let (found, reason) = match name {
                 _ if kept.contains(&name) => {
                     (None, "kept, and not looked for".to_owned())
@@ -89,18 +89,18 @@ impl SceneAnalysis {
         Self { findings, known_pixels }
     }
 
-    /// What was left out of the image or its work, in words.
+    /// The work or the part of the image that was left out, in words.
     pub fn left_out(&self) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(|finding| finding.applies)
     }
 }
 
-/// What a shortcut lets know of the pixels if it applies; and words for it.
+/// The contents of the tiles if a shortcut applies; and words for it.
 type Found = (Option<KnownPixels>, String);
 
 const NO_CAMERA: &str = "there is no camera";
 
-/// What is told of the faces that the scene has left out.
+/// The findings about the faces that the scene has left out.
 fn of_the_scene([flat, copies]: &[Vec<u32>; 2]) -> Vec<Finding> {
     let words = [
         ("flat", flat, "without area"),
@@ -147,7 +147,7 @@ fn dark(intersector: &Bvh, view: &LitView) -> Found {
     ((dark == Ok(true)).then(black), reason.to_owned())
 }
 
-/// Which tiles see no triangle.
+/// The tiles that see no triangle.
 fn background(intersector: &Bvh, view: &LitView) -> Found {
     let &LitView { sensor, sky, resolution, .. } = view;
     let Sensor::Camera(camera, entrance) = sensor else {

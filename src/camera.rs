@@ -26,7 +26,7 @@ use crate::error::{Error, Result};
 use crate::numerics::{bounds, cross, normalise, power_of_two};
 use crate::sky::Sky;
 
-/// Where a camera stands and where it looks, in the file's coordinates.
+/// The place and direction of a camera, in the file's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct View {
     /// Position of the pinhole.
@@ -64,7 +64,7 @@ impl Camera {
             );
             return Err(Error::value("fov", fov, fault));
         }
-        // Refuse what is not finite
+        // Reject vectors that are not finite
         let vectors =
             [("position", position), ("target", target), ("up", up)];
         let is_odd = |(_, vector): &(_, DVec3)| !vector.is_finite();
@@ -124,12 +124,12 @@ impl Camera {
     }
 }
 
-/// A vector as it is typed.
+/// A vector in the form of the command line.
 pub fn typed(v: DVec3) -> String {
     format!("{},{},{}", v.x, v.y, v.z)
 }
 
-/// A direction as it is typed: an axis has a name.
+/// A direction in the form of the command line: an axis has a name.
 pub fn direction(v: DVec3) -> String {
     let axes = DVec3::AXES.into_iter().zip(["x", "y", "z"]);
     let named = axes.into_iter().find(|&(axis, _)| axis == v);
@@ -148,9 +148,9 @@ pub enum Viewpoint {
     Front,
     /// Opposite to the front.
     Back,
-    /// To the left of one who looks from the front.
+    /// To the left, seen from the front.
     Left,
-    /// To the right.
+    /// To the right, seen from the front.
     Right,
     /// The zenith, with the front at the bottom of the image.
     Top,
@@ -166,9 +166,9 @@ fn turned(from: DVec3, to: DVec3, degrees: f64) -> DVec3 {
 }
 
 impl Viewpoint {
-    /// Where it is, seen from the scene, if it is turned counter-clockwise
-    /// about the zenith and raised by so many degrees; and the up axis of its
-    /// camera, which is `up` if that is of use.
+    /// The direction from the scene, turned counter-clockwise about the
+    /// zenith and raised by so many degrees; and the up axis of its camera,
+    /// which is `up` where possible.
     fn axes(
         self,
         [turn, rise]: [f64; 2],
@@ -193,9 +193,9 @@ impl Viewpoint {
 }
 
 impl View {
-    /// The view with this field of view that shows all of some points from
-    /// a side, turned and raised by so many degrees, in images of the ratio
-    /// width/height, if there is one.
+    /// The view with this field of view that shows all points from a side,
+    /// turned and raised by so many degrees, in images of the ratio
+    /// width/height; none if there is none.
     pub fn outside<'a>(
         &self,
         (from, angles): (Viewpoint, [f64; 2]),
@@ -211,7 +211,7 @@ impl View {
         let view = Self { position, target, up, ..*self };
         let Camera { right, down, ahead, .. } =
             Camera::new(&view, aspect).ok()?;
-        // Step back until all is in the image
+        // Move back until all is in the image
         let (right, ahead) = (right / aspect, ahead.normalize());
         let slope = 0.9 * libm::tan(0.5 * self.fov.to_radians());
         let reach = |axis: DVec3, slope: f64| {

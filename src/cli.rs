@@ -1,7 +1,7 @@
 // Tangled from chapters/program.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What only the programs need: words, files, signals, what is printed.
+//! The part for programs: words, files, signals and messages.
 
 pub mod files;
 pub mod options;

@@ -5,8 +5,8 @@
 //!
 //! Each pixel of an image is a mean with its standard error. Pixels
 //! are taken to be independent of each other, unless an image states
-//! errors of its tiles, and the two images to come from different random
-//! numbers.
+//! errors of its tiles. The two images are taken to come from different
+//! random numbers.
 //!
 //! ```
 //! use litpt::{compare::compare, image::Image};
@@ -71,9 +71,9 @@ impl Gap {
         }
     }
 
-    /// The difference in standard errors, if these are not less than is
-    /// usual in the block `around`; `claims` says that both images state
-    /// their errors, which makes a zero a claim.
+    /// The difference in standard errors, by an error no smaller than the
+    /// usual one in the block `around`. With `claims` both images state
+    /// their errors, and an error of zero is believed.
     fn z_among(&self, around: &Gap, claims: bool) -> f64 {
         let usual = around.variance / around.pixels as f64;
         let usual = usual * self.pixels as f64;
@@ -129,8 +129,7 @@ struct Blocks {
 }
 
 impl Blocks {
-    /// Cuts an image, of whose first pixel the place in a larger one is
-    /// known.
+    /// Cuts an image whose first pixel has this place in a larger one.
     fn new(image: &Image, (left, top): (u32, u32), side: u32) -> Self {
         let pixels = image.means.len();
         let (width, size) = (image.width as usize, side as usize);
@@ -160,8 +159,7 @@ impl Blocks {
     }
 }
 
-/// Probability that two images of the same radiances are called
-/// inconsistent.
+/// Probability of calling two images of the same radiances inconsistent.
 pub const FALSE_ALARMS: f64 = 0.01;
 
 /// Sides of the blocks that are tested, in pixels; the last is the
@@ -172,20 +170,20 @@ const SIDES: [u32; 3] = [1, SIDE, u32::MAX];
 const TESTS: usize = SIDES.len() + 1;
 
 /// The probability to allow each of `tests`, so that one of them
-/// fails by chance with the probability `all` (Sidak 1967).
+/// fails by chance with the probability `total` (Sidak 1967).
 fn sidak(total: f64, tests: usize) -> f64 {
     -libm::expm1(libm::log1p(-total) / tests as f64)
 }
 
-/// What the tests of blocks of one size found.
+/// The results of the tests of blocks of one size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     /// Number of blocks that were tested.
     pub tested: usize,
-    /// Number of blocks whose difference is no chance.
+    /// Number of blocks whose difference is beyond chance.
     pub failed: usize,
-    /// The z of largest magnitude, by an error that is not less than is
-    /// usual around, and the first pixel of its block.
+    /// The z of largest magnitude, by an error no smaller than the usual
+    /// one around it, and the first pixel of its block.
     pub largest: (f64, u32, u32),
 }
 
@@ -194,8 +192,8 @@ pub struct Scale {
 /// not with each other in one pixel of 2^31.
 pub const FEW: f64 = 16.;
 
-/// Tests the blocks of one size against those `around` them; `claims`
-/// says that both images state their errors.
+/// Tests the blocks of one size against those `around` them; with
+/// `claims` both images state their errors.
 fn test(
     gaps: &[Option<Gap>],
     [blocks, around]: [&Blocks; 2],
@@ -232,11 +230,11 @@ pub struct Dispersion {
     pub z: f64,
     /// Number of noisy pixels in the sums.
     pub pixels: usize,
-    /// Whether the excess is no chance.
+    /// Whether the excess is beyond chance.
     pub failed: bool,
 }
 
-/// Tests whether the squared differences exceed the variances; those of
+/// Tests whether the squared differences exceed the variances;
 /// different `clusters` are independent.
 fn dispersion(
     gaps: &[Option<Gap>],
@@ -271,9 +269,8 @@ fn dispersion(
 const SUBJECT: &str = "scene_sha256 resolution crop position target up fov \
     albedo materials named_albedos sky ground";
 
-/// What differs of the scenes and views of two images, as in `fov 70.0
-/// against 60.0`, from their attributes; nothing if one of them does
-/// not say.
+/// Lists how the scenes and views of two images differ, as in `fov 70.0
+/// against 60.0`, from their attributes; nothing if one has none.
 pub fn disagreements(
     a: &BTreeMap<String, String>,
     b: &BTreeMap<String, String>,
@@ -296,7 +293,7 @@ pub fn disagreements(
     names().filter(differ).map(tell).collect()
 }
 
-/// What distinguishes one image from another.
+/// The difference of two images.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     /// Whether neither image has error estimates, and all pixels have the
@@ -322,7 +319,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// What the tests that failed are called.
+    /// The names of the tests that failed.
     pub fn failed(&self) -> Vec<&'static str> {
         let scales = NAMES.into_iter().zip(&self.scales);
         let scales = scales.filter(|(_, scale)| scale.failed > 0);
@@ -339,8 +336,8 @@ impl Difference {
 /// Compares two images of independent random numbers.
 ///
 /// # Errors
-/// They differ in size, or no pixel has a known error; but images that
-/// do not say their errors may be identical.
+/// They differ in size, or no pixel has a known error and they are not
+/// two identical images without errors.
 pub fn compare(a: &Image, b: &Image) -> Result<Difference> {
     // Refuse two sizes
     if (a.width, a.height) != (b.width, b.height) {
@@ -388,7 +385,7 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference> {
     let with_error = gaps.iter().flatten().count();
     let (rmse, relative_mse) = distances(a, b);
     Ok(Difference {
-        // Fill in the difference
+        // Assemble the difference
         identical,
         rmse,
         relative_mse,
@@ -488,6 +485,6 @@ impl fmt::Display for Scale {
     }
 }
 
-/// What the tests of [`SIDES`] are called.
+/// The names of the tests of [`SIDES`].
 const NAMES: [&str; 3] = ["pixels", "blocks of 16x16", "image"];
 const _: () = assert!(SIDE == 16);

@@ -1,7 +1,7 @@
 // Tangled from chapters/errors.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What goes wrong, as one type, and what is odd about files.
+//! Errors, as one type, and warnings about files.
 //!
 //! ```
 //! use litpt::error::Error;
@@ -18,7 +18,7 @@ use std::{fmt, io};
 
 use serde::{Deserialize, Serialize};
 
-/// A message about a file, or about data that came from none.
+/// A message about a file, or about data from elsewhere.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Diagnostic {
     /// The name of the file; empty if there is none, or none yet.
@@ -30,7 +30,7 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// The same, about this file unless it has one already.
+    /// Adds this file, unless there is one already.
     pub fn of_file(mut self, file: impl AsRef<Path>) -> Self {
         if self.file.is_empty() {
             self.file = file.as_ref().display().to_string();
@@ -59,12 +59,12 @@ impl fmt::Display for Diagnostic {
     }
 }
 
-/// Why the library cannot do what it is asked for. Each displays as one
-/// line, without a stop.
+/// The reason why the library cannot do something. Each displays as one
+/// line, without a full stop.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file, or data that came from none, is not as it has to be.
+    /// A file, or data from elsewhere, has a fault.
     #[error(transparent)]
     Content(#[from] Diagnostic),
     /// The system refuses an action on a file, such as `read`.
@@ -74,15 +74,15 @@ pub enum Error {
         file: String,
         /// A verb.
         action: &'static str,
-        /// What the system says.
+        /// The reason of the system.
         source: io::Error,
     },
-    /// A file was finished, and could not be given its name.
+    /// A file was finished, but could not be given its name.
     #[error("{cause}; the new one is kept as {}", kept.display())]
     Kept {
-        /// Why not.
+        /// The reason.
         cause: Box<Error>,
-        /// Where it is now.
+        /// The place where it is now.
         kept: PathBuf,
     },
     /// An argument cannot have this value.
@@ -95,7 +95,7 @@ pub enum Error {
         /// The whole message.
         fault: String,
     },
-    /// The memory does not suffice; the message tells for what.
+    /// The memory does not suffice; the message explains for what.
     #[error("{0}")]
     Memory(String),
 }
@@ -109,7 +109,7 @@ impl<T: Into<Cow<'static, str>>> From<T> for Error {
     }
 }
 
-/// As it displays: a `main` that returns it prints a sentence.
+/// As it displays, so that a `main` that returns it prints a sentence.
 impl fmt::Debug for Error {
     fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
         fmt::Display::fmt(self, out)
@@ -117,7 +117,7 @@ impl fmt::Debug for Error {
 }
 
 impl Error {
-    /// The same, about this file if it is of content that has no file yet.
+    /// Adds this file, if it is an error of content without a file.
     pub fn of_file(self, file: impl AsRef<Path>) -> Self {
         match self {
             Self::Content(fault) => Self::Content(fault.of_file(file)),
@@ -125,7 +125,7 @@ impl Error {
         }
     }
 
-    /// Turns what the system says into an error of an action on a file.
+    /// Turns an error of the system into that of an action on a file.
     pub fn cannot(
         action: &'static str,
         file: impl AsRef<Path>,

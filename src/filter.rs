@@ -60,8 +60,8 @@ struct Filter<'a> {
 }
 
 impl<'a> Filter<'a> {
-    /// Collects the halves of a film: a filter, and what was gathered for each
-    /// fragment and corrected for each pixel.
+    /// A filter for a film, with what was gathered for each fragment, and
+    /// what was corrected for each pixel.
     fn new(
         film: &Film,
         shown: &'a Fragments,
@@ -113,7 +113,7 @@ impl<'a> Filter<'a> {
 }
 
 impl Filter<'_> {
-    /// The halves of each pixel of which the fragments have these.
+    /// The halves of each pixel, composed of its fragments and the sky.
     fn compose(&self, values: &[Halves]) -> Vec<Vec2> {
         let Fragments { all, sky, .. } = self.shown;
         let pixel = |p: usize| {
@@ -124,7 +124,7 @@ impl Filter<'_> {
         (0..sky.len()).into_par_iter().map(pixel).collect()
     }
 
-    /// What values of the surfaces of each pixel add to it.
+    /// What values of a pixel add, if they stand for all its surfaces.
     fn means(&self, values: &[Halves]) -> Vec<Vec2> {
         let pixel = |(p, value): (usize, &Halves)| {
             let own = self.shown.of(p).iter();
@@ -133,8 +133,8 @@ impl Filter<'_> {
         values.par_iter().enumerate().map(pixel).collect()
     }
 
-    /// Estimates without bias of the variance of a pixel, and of the square
-    /// of its bias, if its halves are `shown`; nothing if it is not known.
+    /// Unbiased estimates of the variance of a pixel and of the square of
+    /// its bias, if its halves are `shown`; zero if it is not known.
     fn error(&self, p: usize, shown: Vec2) -> DVec2 {
         let Some(whole) = self.whole[p] else { return DVec2::ZERO };
         error(whole, shown)
@@ -167,15 +167,15 @@ impl Filter<'_> {
     }
 }
 
-/// Estimates without bias of the variance of halves that a filter has made of
-/// others, and of the square of its bias.
+/// Unbiased estimates of the variance of filtered halves and of the square
+/// of their bias, given the halves as they were.
 fn error(whole: Vec2, shown: Vec2) -> DVec2 {
     let bias = (shown - whole).as_dvec2();
     let difference = f64::from(shown.x - shown.y);
     DVec2::new(0.25 * difference * difference, bias.x * bias.y)
 }
 
-/// What a pixel of these fragments shows, if any surface.
+/// The kind of a pixel with these fragments, if it shows any surface.
 fn class(own: &[Fragment]) -> Option<usize> {
     let covered: f32 = own.iter().map(|it| it.coverage).sum();
     match own.len() {
@@ -186,8 +186,8 @@ fn class(own: &[Fragment]) -> Option<usize> {
 }
 
 impl Filter<'_> {
-    /// Visits the fragments around one, `step` pixels apart and up to `reach`
-    /// steps away, with the steps to each.
+    /// Visits the fragments around one, `step` pixels apart and up to
+    /// `reach` steps away, with the steps to each.
     #[inline(always)]
     fn around(
         &self,
@@ -260,7 +260,7 @@ impl Filter<'_> {
 }
 
 impl Filter<'_> {
-    /// The mean near each pixel of what is known of the pixels.
+    /// The mean near each pixel of what is known in the pixels.
     fn near(
         &self,
         known: impl Fn(usize) -> Option<f32> + Sync,
@@ -280,8 +280,8 @@ impl Filter<'_> {
 }
 
 impl Filter<'_> {
-    /// The plane in place and normal that fits the fragments around one, drawn
-    /// to those of all its surroundings where there are few samples.
+    /// The plane in place and normal that fits the fragments around one.
+    /// Where there are few samples it is drawn to `prior`.
     fn plane(
         &self,
         f: usize,
@@ -311,8 +311,9 @@ impl Filter<'_> {
 }
 
 impl Filter<'_> {
-    /// What planes give that fit the fragments around each: those of every
-    /// second pixel of each second row, or its own if none of them is near.
+    /// The values of planes that fit the fragments around each: the planes
+    /// of every second pixel of every second row, or one of its own if none
+    /// of them is near.
     fn fit(
         &self,
         values: &[Halves],
@@ -331,7 +332,7 @@ impl Filter<'_> {
             if let Some(plane) = planes[f] {
                 return Halves::new(plane.value, Vec2::ONE);
             }
-            // Ask the planes beside a fragment
+            // Evaluate the planes around a fragment
             let mut sum = Halves(Vec4::ZERO);
             self.around(f, (1, 1), |g, i, j| {
                 if let Some(plane) = &planes[g]
@@ -355,7 +356,7 @@ impl Filter<'_> {
     }
 }
 
-/// The axes by which the turn of normals is told.
+/// The axes along which the turn of a normal is measured.
 struct Axes {
     across: Vec3A,
     along: Vec3A,
@@ -376,10 +377,10 @@ impl Axes {
     }
 }
 
-/// What the surroundings count where a half has no sample.
+/// The weight of the surroundings where a half has no sample.
 const FEW: f32 = 1e-3;
 
-/// The samples for which the surroundings of a fragment count.
+/// The number of samples with the weight of the surroundings.
 const PRIOR: f32 = 5.;
 
 /// The weights of a window by the square of the distance in steps.
@@ -389,8 +390,8 @@ const WINDOW: [f32; 10] = [
 ];
 
 impl Filter<'_> {
-    /// What corrections add to each pixel, filtered over all surfaces as
-    /// widely as makes the error least.
+    /// What corrections add to each pixel, filtered over all surfaces with
+    /// the width that makes the error least.
     fn correct(&self, corrected: Vec<Halves>) -> Vec<Vec2> {
         let raw = self.means(&corrected);
         if raw.iter().all(|&it| it == Vec2::ZERO) {
@@ -443,11 +444,11 @@ fn mix(from: &[Vec2], to: &[Vec2], part: f32) -> Vec<Vec2> {
 /// Rounds of means, each over twice the distance.
 const LEVELS: usize = 6;
 
-/// Rounds of which planes are fitted to what goes in.
+/// Rounds before which planes are fitted.
 const FITS: usize = 3;
 
 impl Filter<'_> {
-    /// The halves of the pixels, filtered in the ways that are best.
+    /// The halves of the pixels, filtered in the best ways.
     fn filter(
         &self,
         gathered: Vec<Halves>,
@@ -493,7 +494,7 @@ impl Filter<'_> {
 pub struct Filtered {
     /// Its pixels, with their root mean square errors.
     pub image: Image,
-    /// How wrong all of it is.
+    /// The error of the whole picture.
     pub error: PictureError,
 }
 
@@ -505,14 +506,14 @@ pub const FEWEST: u64 = 4;
 pub struct PictureError {
     /// The error.
     pub rmse: f64,
-    /// What of it comes from filtering, and stays with more samples.
+    /// The part that comes from filtering, and stays with more samples.
     pub bias: f64,
 }
 
 impl Filtered {
-    /// Filters the image on a film; none if it has no fragments, a half of a
-    /// tile has no samples, there are fewer than four samples a pixel, or no
-    /// pixel has samples of all that it shows.
+    /// Filters the image on a film. There is no picture if the film has no
+    /// fragments, a half of a tile has no samples, there are fewer than
+    /// four samples a pixel, or no pixel has samples of all that it shows.
     pub fn of(film: &Film) -> Option<Self> {
         let shown = film.fragments.as_deref()?;
         if film.samples() < FEWEST.max(2 * film.net_size) {

@@ -1,8 +1,8 @@
 // Tangled from chapters/plan.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The program that uses the library: it hears what happens, and may be one
-//! of several processes.
+//! The program that uses the library: it receives events, and may be one of
+//! several processes.
 //!
 //! ```
 //! use litpt::host::{Event, Host, Interrupt};
@@ -24,7 +24,7 @@ use std::time::Instant;
 use crate::error::Diagnostic;
 use crate::integrator::{Communicator, SingleProcess};
 
-/// What a program hears while a scene is prepared.
+/// An event while a scene is prepared or rendered.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
     /// Something may not be what it seems.
@@ -40,7 +40,7 @@ pub enum Event {
 /// The program that uses the library.
 #[derive(Clone, Copy)]
 pub struct Host<'a> {
-    /// Hears events, from any thread.
+    /// Receives events, from any thread.
     pub listen: &'a (dyn Fn(Event) + Sync),
     /// The processes that render together.
     pub ranks: &'a dyn Communicator,
@@ -48,7 +48,7 @@ pub struct Host<'a> {
     pub start: Instant,
 }
 
-/// One process, which does not listen.
+/// One process, which ignores events.
 impl Default for Host<'_> {
     fn default() -> Self {
         Self {
@@ -60,18 +60,18 @@ impl Default for Host<'_> {
 }
 
 impl Host<'_> {
-    /// Warns of something.
+    /// Warns with a text.
     pub fn warn(&self, text: impl Into<String>) {
         (self.listen)(Event::Warning(text.into()));
     }
 
-    /// Warns of what is odd about a file.
+    /// Warns of oddities in a file.
     pub fn warn_all(&self, file: &str, odd: Vec<Diagnostic>) {
         odd.into_iter()
             .for_each(|it| self.warn(it.of_file(file).to_string()));
     }
 
-    /// Says that a stage begins, of so many steps if that is known.
+    /// Reports that a stage begins, of so many steps if that is known.
     pub fn enter(&self, stage: impl Into<String>, steps: Option<u64>) {
         (self.listen)(Event::Stage(stage.into(), steps));
     }
@@ -82,23 +82,23 @@ impl Host<'_> {
 pub struct Interrupt(Arc<AtomicUsize>);
 
 impl Interrupt {
-    /// Asks the run to end.
+    /// Requests the end of the run.
     pub fn cancel(&self) {
         self.0.store(1, Ordering::Relaxed);
     }
 
-    /// Lets a next run begin.
+    /// Permits a next run to begin.
     pub fn reset(&self) {
         self.0.store(0, Ordering::Relaxed);
     }
 
-    /// Where the number of a signal is noted, which cancels the run.
+    /// The cell for the number of a signal, which cancels the run.
     pub fn cell(&self) -> Arc<AtomicUsize> {
         self.0.clone()
     }
 
-    /// The signal that has cancelled the run, if it is cancelled: 1 if there
-    /// was none.
+    /// The signal that has cancelled the run, if it is cancelled: 1 if it
+    /// was no signal.
     pub fn signal(&self) -> Option<i32> {
         let signal = self.0.load(Ordering::Relaxed) as i32;
         (signal != 0).then_some(signal)

@@ -95,8 +95,8 @@ impl Image {
         Self::read_noting(path, &mut |_| ())
     }
 
-    /// Reads a file, or standard input if its name is `-`; `note` is told,
-    /// in a line, of what is not as [`Image`] has it.
+    /// Reads a file, or standard input if its name is `-`; `note` receives a
+    /// line about each difference between the file and the [`Image`].
     ///
     /// # Errors
     /// The file cannot be read, and those of [`Image::decode`]; the
@@ -116,8 +116,8 @@ impl Image {
         })
     }
 
-    /// Reads an image from the bytes of its file; `note` is told of what is
-    /// not as [`Image`] has it.
+    /// Reads an image from the bytes of its file; `note` receives a line about
+    /// each difference between the file and the [`Image`].
     ///
     /// # Errors
     /// The bytes are damaged, or of another kind of file.
@@ -134,7 +134,7 @@ impl Image {
     fn validated(mut self, note: Note) -> Result<Self> {
         let (width, pixels) = (self.width as usize, self.means.len());
         let place = |i: usize| format!("{},{}", i % width, i / width);
-        // List what is known, and what stands for the unknown
+        // List the numbers and their unknown values
         let mut lists = vec![(&mut self.means, f64::NAN)];
         let errors = [&mut self.errors, &mut self.tile_errors];
         let errors = errors.into_iter().flatten();
@@ -142,7 +142,7 @@ impl Image {
         lists.extend(self.samples.iter_mut().map(|list| (list, 0.)));
         let mut lost = vec![];
         for i in 0..pixels {
-            // Sift a pixel
+            // Replace a pixel that is not finite
             let mut others = lists[1..].iter().map(|(list, _)| list[i]);
             if let Some(value) = others.find(|&value| value < 0.) {
                 let pixel = place(i);

@@ -1,7 +1,7 @@
 // Tangled from chapters/plan.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What a plan needs from files, or from memory.
+//! The inputs of a plan, from files or from memory.
 //!
 //! ```
 //! use glam::DVec3;
@@ -32,12 +32,12 @@ use crate::plan::{Plan, input_name, is_dash};
 use crate::scene::{Mesh, begins_obj, read_file};
 use crate::sensor::{Point, read_points};
 
-/// What a plan needs from files.
+/// The inputs of a plan.
 #[derive(Clone, Default)]
 pub struct Inputs {
     /// The mesh of the scene, in its own coordinates.
     pub mesh: Mesh,
-    /// The SHA-256 of its file in hexadecimal, if a file will name it.
+    /// The SHA-256 of its file in hexadecimal, if a file records it.
     pub sha256: String,
     /// The points of a sensor of points.
     pub points: Vec<Point>,
@@ -45,7 +45,7 @@ pub struct Inputs {
     pub points_sha256: String,
     /// The albedos of materials by name.
     pub materials: BTreeMap<String, f64>,
-    /// Seconds that reading has taken.
+    /// Seconds for reading.
     pub seconds: f64,
 }
 
@@ -56,11 +56,11 @@ impl From<Mesh> for Inputs {
 }
 
 impl Inputs {
-    /// Reads the files of a plan, of which the first of several processes
-    /// tells the others.
+    /// Reads the files of a plan; the first of several processes sends
+    /// them to the others.
     ///
     /// # Errors
-    /// A file cannot be read, or has not what it should.
+    /// A file cannot be read, or has the wrong contents.
     pub fn read(plan: &Plan, host: Host) -> Result<Self> {
         let began = Instant::now();
         let leads = host.ranks.rank_and_size().0 == 0;
@@ -104,8 +104,8 @@ impl Inputs {
         Self::read(&plan, Host::default())
     }
 
-    /// The same with these points, each a position and a normal, of any
-    /// length but zero, in the coordinates of the scene.
+    /// Replaces the points, each a position and a normal, of any length but
+    /// zero, in the coordinates of the scene.
     pub fn with_points(
         mut self,
         points: impl IntoIterator<Item = (DVec3, DVec3)>,
@@ -144,10 +144,10 @@ fn read_bytes(path: &Path, is_scene: bool, host: Host) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// So many bytes of an OBJ have a vertex.
+/// An OBJ has a vertex within so many bytes.
 const PROBE_BYTES: u64 = 1 << 26;
 
-/// Parses the mesh of a scene, and warns of what is odd.
+/// Parses the mesh of a scene, and warns of oddities.
 fn parse(file: &str, bytes: &[u8], host: Host) -> Result<Mesh> {
     host.enter(format!("parsing {file}"), None);
     let read = read_file(bytes).map_err(|error| error.of_file(file));
@@ -188,10 +188,10 @@ fn materials(
     Ok(albedos)
 }
 
-/// What the first process finds, told to all.
+/// Finds something in the first process, and sends it to all.
 ///
 /// # Errors
-/// It finds none, or has ended, or is of another version.
+/// The first finds none, or has ended, or is of another version.
 pub(crate) fn in_first_rank<T: Serialize + DeserializeOwned>(
     host: Host,
     find: impl FnOnce() -> Result<T>,

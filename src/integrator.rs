@@ -32,10 +32,10 @@ pub enum PathEvent {
 
 /// A random variable whose mean is the radiance along a ray.
 pub trait Integrator: Sync {
-    /// What a path remembers from one hit to the next.
+    /// The state of a path between two hits.
     type Path;
 
-    /// A path whose first ray has this direction.
+    /// Begins a path whose first ray has this direction.
     fn begin(&self, direction: DVec3) -> Self::Path;
 
     /// Whether nothing reflects, so that it does not matter where a path
@@ -44,7 +44,7 @@ pub trait Integrator: Sync {
         false
     }
 
-    /// Takes a path on from the end of its ray: a hit, or the sky.
+    /// Continues a path from the end of its ray: a hit, or the sky.
     fn advance(
         &self,
         path: &mut Self::Path,
@@ -56,31 +56,31 @@ pub trait Integrator: Sync {
 /// Something that adds samples to a film: by paths
 /// ([`Job`](crate::render::Job)), or by gathering ([`gather::Gather`]).
 pub trait Renderer {
-    /// Takes each tile of `film` on from its own samples to `end` samples
+    /// Continues each tile of `film` from its own samples to `end` samples
     /// of each pixel, or to the next whole number of replicates, unless
     /// `watch` stops it; returns the number of rays traced. A renderer
     /// that learns has one film, and makes all its samples.
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64;
 
-    /// Learns what it needs to know before the first pass over `film`,
-    /// unless `watch`, which is told how many rays were traced, stops it;
+    /// Learns what it needs before the first pass over `film`, unless
+    /// `watch`, to which it reports the rays traced so far, stops it;
     /// returns the number of all these rays.
     fn learn(&mut self, _film: &mut Film, _watch: &Watch) -> u64 {
         0
     }
 
-    /// About how many rays it will learn from, for a film of so many
+    /// Roughly how many rays it will learn from, for a film of this many
     /// pixels.
     fn training_rays(&self, _area: u64) -> u64 {
         0
     }
 
-    /// What each rank has done so far; nothing if there is one process.
+    /// What each rank has done so far; empty if there is one process.
     fn shares(&self) -> &[RankStats] {
         &[]
     }
 
-    /// Seconds that a pass should take at least, for what it costs.
+    /// The fewest seconds that a pass should take, given what it costs.
     fn least_seconds(&self) -> f64 {
         0.
     }
@@ -93,9 +93,9 @@ pub struct RankStats {
     pub paths: u64,
     /// Seconds in which it rendered.
     pub render_seconds: f64,
-    /// Seconds of the passes in which it did not.
+    /// Seconds of its passes in which it did not render.
     pub wait_seconds: f64,
-    /// Seconds that all its threads have computed.
+    /// Seconds of computing, summed over all its threads.
     pub processor_seconds: f64,
     /// Bytes of the sums that it has sent to rank 0.
     pub sent_bytes: u64,
@@ -103,16 +103,16 @@ pub struct RankStats {
     pub collect_seconds: f64,
 }
 
-/// The processes that learn the same, each a part of it.
+/// The processes that learn together, each doing a part of the work.
 pub trait Communicator: Sync {
-    /// The place of this process among all, and their number.
+    /// The rank of this process, and the number of processes.
     fn rank_and_size(&self) -> (usize, usize) {
         (0, 1)
     }
 
-    /// Tells the others some bytes; returns those of all processes, in the
-    /// order of their places. All call it alike. Asks `watch` while it
-    /// waits, and waits on whatever that says.
+    /// Sends bytes to the other processes; returns the bytes of all, in
+    /// the order of their ranks. All processes must call it alike. It
+    /// polls `watch` while it waits, but waits on whatever that returns.
     fn all_gather<'a>(
         &self,
         bytes: &'a [u8],
@@ -121,7 +121,8 @@ pub trait Communicator: Sync {
         bytes.into()
     }
 
-    /// What the first process has, for all. All call it alike.
+    /// Returns the bytes of the first process to all. All must call it
+    /// alike.
     ///
     /// # Errors
     /// The first process has ended.
@@ -137,7 +138,8 @@ impl Communicator for SingleProcess {}
 
 /// Follows one path, weakened by the albedo at each bounce until its
 /// throughput is below `ROULETTE_THRESHOLD`; then the albedo is the
-/// probability that it goes on. From `MANY_BOUNCES` bounces on it may end as well.
+/// probability that it goes on. From `MANY_BOUNCES` bounces on it may also
+/// end.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTracer<'a> {
     /// What the surfaces reflect.
@@ -149,20 +151,20 @@ pub struct PathTracer<'a> {
     pub control: f64,
 }
 
-/// The throughput below which roulette decides: that of the path tracer on
-/// Embree with which ours is compared, for the same lengths of paths.
+/// The throughput below which roulette decides. It is the same in the path
+/// tracer on Embree with which ours is compared, so that paths are as long.
 pub const ROULETTE_THRESHOLD: f64 = 0.1;
 
-/// Bounces from which on a path ends by chance, rare in ordinary scenes.
+/// Bounces after which a path may end by chance, rare in ordinary scenes.
 pub const MANY_BOUNCES: u64 = 1000;
 
 impl<'a> PathTracer<'a> {
-    /// Without a control variate.
+    /// A path tracer without a control variate.
     pub fn new(surfaces: Surfaces<'a>, sky: Sky) -> Self {
         Self { surfaces, sky, control: 0. }
     }
 
-    /// What a surface reflects of the sky if nothing is in the way, less
+    /// What a surface reflects of the sky if nothing is in the way, minus
     /// what it reflects from this direction: the mean is zero.
     #[inline(always)]
     pub fn control_variate(&self, hit: &Hit, direction: DVec3) -> f64 {
@@ -176,19 +178,19 @@ impl<'a> PathTracer<'a> {
 /// A path of the path tracer.
 #[derive(Clone, Copy, Debug)]
 pub struct PathState {
-    /// How much of the radiance that comes along the ray reaches the image.
+    /// The part of the radiance along the ray that reaches the image.
     pub throughput: f64,
-    /// How many bounces there were.
+    /// The number of bounces so far.
     pub bounces: u64,
-    /// Where its ray goes.
+    /// The direction of its ray.
     direction: DVec3,
     /// What the control variate adds to its contribution.
     pub variate: f64,
 }
 
 /// The probability that a path of `n` bounces makes another one,
-/// [n/(n+1)]^(3/2). That one of `MANY_BOUNCES` makes n or more is then
-/// (`MANY_BOUNCES`/n)^(3/2).
+/// [n/(n+1)]^(3/2). A path of `MANY_BOUNCES` then makes n or more with
+/// probability (`MANY_BOUNCES`/n)^(3/2).
 #[cold]
 #[inline(never)]
 pub(crate) fn survival(n: u64) -> f64 {
@@ -259,11 +261,11 @@ impl Integrator for PathTracer<'_> {
     }
 }
 
-/// Changes whenever the code that decides what a sample is does.
+/// Must change whenever the code that decides what a sample is changes.
 const SAMPLE_VERSION: u32 = 4;
 
-/// Names the integrators, their constants and the version of their
-/// samples: samples of different names are not to be mixed.
+/// The names of the integrators, their constants and the version of their
+/// samples: samples of different identities must not be mixed.
 pub fn identity() -> String {
     format!(
         "samples {SAMPLE_VERSION}, path tracer with \

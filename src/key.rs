@@ -1,7 +1,7 @@
 // Tangled from chapters/state.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! All that decides the samples of a run.
+//! The values that decide the samples of a run.
 //!
 //! ```
 //! use litpt::key::Part;
@@ -22,9 +22,9 @@ use crate::scene::encoding::quoted;
 use crate::sensor::Side;
 use crate::sky::Sky;
 
-/// All that decides the samples of a run. A run goes on from a checkpoint
-/// of the same key; states are merged if their keys differ in the part
-/// alone.
+/// The values that decide the samples of a run. A run goes on from a
+/// checkpoint of the same key; states are merged if their keys differ only
+/// in the part.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunKey {
     /// The version of the program.
@@ -33,7 +33,7 @@ pub struct RunKey {
     pub integrator: String,
     /// SHA-256 of the bytes of the scene, in hexadecimal digits.
     pub scene_sha256: String,
-    /// What is shown.
+    /// The subject.
     #[serde(flatten)]
     pub subject: Subject,
     /// How samples are made.
@@ -42,13 +42,13 @@ pub struct RunKey {
     /// The part of the run that is rendered, unless it is all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<Part>,
-    /// Whether halves are kept so that the picture can be filtered; decides
-    /// no sample.
+    /// Whether halves are kept so that the picture can be filtered, which
+    /// decides no sample.
     #[serde(default)]
     pub filtered: bool,
 }
 
-/// A scene with its light, and what is sensed of it.
+/// A scene with its light, and the sensor of the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Subject {
     /// What senses the light.
@@ -74,7 +74,7 @@ pub enum Sensed {
     Camera(Framing),
     /// Receivers.
     Receivers {
-        /// Which ones.
+        /// Their source.
         receivers: ReceiverSource,
         /// How many of them may have a value.
         count: u32,
@@ -89,12 +89,12 @@ pub struct Framing {
     /// The window that is rendered, unless it is the whole image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crop: Option<Window>,
-    /// Where the camera stands and looks.
+    /// The position and direction of the camera.
     #[serde(flatten)]
     pub view: View,
 }
 
-/// Which receivers are asked for.
+/// The source of receivers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ReceiverSource {
@@ -150,7 +150,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// The same in whole replicates of so many samples.
+    /// The part in whole replicates of so many samples.
     pub fn rounded(self, replicate: u64) -> Self {
         let up = |n: u64| n.div_ceil(replicate).saturating_mul(replicate);
         let (from, to) = self.samples;
@@ -194,12 +194,12 @@ impl RunKey {
         [window, window.band(band, tile_height(sensed.is_list()))]
     }
 
-    /// Whether the run has no sample, and only learns; its state has no sums.
+    /// Whether the run has no sample and is only trained; its state has no sums.
     pub fn only_learns(&self) -> bool {
         self.part.is_some_and(|part| part.count() == 0)
     }
 
-    /// An empty film for what is rendered.
+    /// An empty film for the part that is rendered.
     pub fn film(&self) -> Film {
         let first = self.part.map_or(0, |part| part.samples.0);
         self.film_of(self.windows()[1], first)
@@ -214,7 +214,7 @@ impl RunKey {
     }
 }
 
-/// The names and values of what is written as an object.
+/// The names and values of a type that is written as an object.
 pub fn entries(value: &impl Serialize) -> Map<String, Value> {
     match serde_json::to_value(value) {
         Ok(Value::Object(entries)) => entries,
@@ -222,7 +222,7 @@ pub fn entries(value: &impl Serialize) -> Map<String, Value> {
     }
 }
 
-/// The window that is rendered: the whole image, if there is no crop.
+/// The window that is rendered: the whole image if there is no crop.
 pub(crate) fn whole_window(
     size: (u32, u32),
     crop: Option<Window>,

@@ -1,7 +1,7 @@
 // Tangled from chapters/materials.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What surfaces reflect: one albedo, or one for each face.
+//! The reflection of surfaces: one albedo, or one for each face.
 //!
 //! ```
 //! use litpt::materials::{FaceAlbedos, Named, names};
@@ -30,7 +30,7 @@ use crate::scene::encoding::quoted;
 use crate::scene::mtl::{Library, read_mtl};
 use crate::scene::{Mark, MarkKind};
 
-/// The files that a statement names, in a folder.
+/// The files in a folder that a statement refers to.
 fn files(line: &str, folder: &Path) -> Vec<String> {
     let is_file = |name: &str| folder.join(name).is_file();
     if is_file(line) {
@@ -50,7 +50,7 @@ fn files(line: &str, folder: &Path) -> Vec<String> {
     files
 }
 
-/// What is taken of the three numbers of a material.
+/// The number of the three of a material that is used.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -63,8 +63,8 @@ pub enum Band {
     B,
 }
 
-/// The albedo of each material that a scene uses and its libraries define,
-/// which are in `folder`: its luminance, or one band; and warnings.
+/// The albedo of each material that a scene uses and its libraries, in
+/// `folder`, define: its luminance, or one band; and warnings.
 ///
 /// # Errors
 /// A library cannot be read, or a `Kd` is not made of numbers from 0 to 1.
@@ -91,7 +91,7 @@ pub fn libraries(
             .and_then(|bytes| read_mtl(&bytes, &shown, &used, &mut library))
             .map_err(|error| error.of_file(&shown))?;
     }
-    // Warn of what the libraries say, or do not say
+    // Warn of properties that are missing or not rendered
     let mut warnings = library.warnings;
     for (mut first, n) in library.ignored.into_values() {
         first.text += &format!(": the first of {n} statements");
@@ -116,7 +116,7 @@ pub fn libraries(
     Ok((albedos.collect(), warnings))
 }
 
-/// The names of a kind, each once, in order; those without letters are none.
+/// The distinct names of a kind, in order, without empty ones.
 pub fn names(marks: &[Mark], kind: MarkKind) -> impl Iterator<Item = &str> {
     let of_kind = marks.iter().filter(move |mark| mark.kind == kind);
     let distinct: BTreeSet<&str> =
@@ -124,17 +124,17 @@ pub fn names(marks: &[Mark], kind: MarkKind) -> impl Iterator<Item = &str> {
     distinct.into_iter().filter(|name| !name.is_empty())
 }
 
-/// Which albedos a scene has, by name; what decides them beside its file.
+/// The albedos of a scene by name, which decide besides its file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Named {
-    /// Those of the materials of its libraries.
+    /// The albedos of the materials of its libraries.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub materials: BTreeMap<String, f64>,
-    /// The band that was taken of them.
+    /// The band that was used for them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band: Option<Band>,
-    /// Those that were given to materials, groups or objects; of several
-    /// that fit, the last one counts.
+    /// The albedos given to materials, groups or objects; if several fit a
+    /// face, the last one counts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub named_albedos: Vec<(String, f64)>,
 }
@@ -147,8 +147,8 @@ pub struct FaceAlbedos {
 }
 
 impl FaceAlbedos {
-    /// Those of a file with these marks; `others` is that of faces without
-    /// a name that is known.
+    /// The albedos of a file with these marks, and `others` for faces
+    /// without a name that has one.
     ///
     /// # Errors
     /// A name that was given an albedo is not in the file.
@@ -178,7 +178,7 @@ impl FaceAlbedos {
             stretches.pop_if(|(first, _)| first == face);
             stretches.push((*face, albedo));
         }
-        // Refuse a name that is not in the file
+        // Reject a name that is not in the file
         if let Some(unknown) = is_used.iter().position(|used| !used) {
             let (name, albedo) = &named.named_albedos[unknown];
             let kinds =
@@ -197,7 +197,7 @@ impl FaceAlbedos {
         Ok(Self { stretches })
     }
 
-    /// That of a face.
+    /// The albedo of a face.
     pub fn of(&self, face: u32) -> f64 {
         let after =
             self.stretches.partition_point(|&(first, _)| first <= face);
@@ -205,10 +205,10 @@ impl FaceAlbedos {
     }
 }
 
-/// The albedos of the triangles of a hierarchy, of which there are several.
+/// The albedos of the triangles of a hierarchy, if there are several.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AlbedoTable {
-    /// The number of its albedo, for the slot of each triangle.
+    /// The number of the albedo of each triangle, by its slot.
     numbers: Vec<u16>,
     /// The albedos.
     albedos: Vec<f64>,
@@ -252,14 +252,14 @@ impl AlbedoTable {
     }
 }
 
-/// What all surfaces reflect.
+/// The albedos of all surfaces.
 #[derive(Clone, Copy, Debug)]
 pub struct Surfaces<'a> {
-    /// A typical albedo: the mean over the area of all triangles; that of
-    /// each, if there is no table.
+    /// A typical albedo: the mean over the area of all triangles. Without a
+    /// table, the albedo of each.
     pub typical: f64,
     table: Option<&'a AlbedoTable>,
-    /// Of the ground.
+    /// The albedo of the ground.
     ground: f64,
     /// The largest of all albedos.
     pub most: f64,

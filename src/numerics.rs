@@ -42,8 +42,8 @@ pub fn shift(v: DVec3, e: i32) -> DVec3 {
     v * power_of_two(first) * power_of_two(e - first)
 }
 
-/// `v`, scaled so that its largest component is in [1, 2); exactly, but for
-/// components that are 2^1022 times smaller.
+/// `v`, scaled so that its largest component is in [1, 2); exactly, except
+/// for components that are 2^1022 times smaller.
 pub fn normalise(v: DVec3) -> DVec3 {
     shift(v, -exponent(v.abs().max_element()))
 }

@@ -29,7 +29,7 @@ use tempfile::NamedTempFile;
 use crate::error::{Error, Result};
 use crate::image::Format;
 
-/// Where a file goes: checked, and not yet touched.
+/// The target of a file: checked, and not yet touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OutputTarget(Kind);
 
@@ -57,7 +57,7 @@ pub fn descriptor(path: &Path) -> Option<RawFd> {
         return Some(1);
     }
     let descriptors = Path::new("/dev/fd").canonicalize().ok()?;
-    // Of links in a circle there is no metadata.
+    // Links in a circle have no metadata.
     path.metadata().ok()?;
     let mut path = path.to_owned();
     while directory(&path).canonicalize().ok()? != descriptors {
@@ -79,7 +79,7 @@ fn temporary(path: &Path) -> Result<NamedTempFile> {
     })
 }
 
-/// The directory in which a file has its name.
+/// The directory that contains a name.
 fn directory(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -97,7 +97,7 @@ impl Write for BlockingWriter {
         loop {
             match self.0.write(bytes) {
                 Err(e) if e.kind() == ErrorKind::WouldBlock => {
-                    // SAFETY: the set is that of one descriptor.
+                    // SAFETY: the set has one descriptor.
                     unsafe { libc::poll(&mut room, 1, -1) };
                 }
                 done => return done,
@@ -122,7 +122,7 @@ fn finish(
     Ok(file)
 }
 
-/// What goes to a target: a function that writes it.
+/// The content of a target: a function that writes it.
 pub type Content<'a> = dyn FnMut(&mut dyn Write) -> io::Result<()> + 'a;
 
 fn fill<W: Write>(content: &mut Content, out: W) -> io::Result<W> {
@@ -136,8 +136,8 @@ fn exists(path: &Path) -> Error {
     Error::from(what).of_file(path)
 }
 
-/// Gives a complete file its name, or returns it with the reason why
-/// not.
+/// Gives a complete file its name, or returns it with the reason for the
+/// failure.
 fn name_file(
     file: NamedTempFile,
     path: &Path,
@@ -192,7 +192,7 @@ impl OutputTarget {
     /// its directory; or those of [`OutputTarget::standard_output`].
     pub fn file(path: &Path, force: bool) -> Result<Self> {
         if let Some(number) = descriptor(path) {
-            // SAFETY: the call asks for flags, and fails if nothing is open.
+            // SAFETY: the call reads flags, and fails if nothing is open.
             let flags = unsafe { libc::fcntl(number, libc::F_GETFL) };
             return match flags & libc::O_ACCMODE {
                 libc::O_WRONLY | libc::O_RDWR => {
@@ -202,7 +202,7 @@ impl OutputTarget {
                     .of_file(name(number))),
             };
         }
-        // Refuse names that cannot be written
+        // Reject names that cannot be written
         match path.metadata() {
             Ok(there) if there.is_dir() => {
                 return Err(Error::from("is a directory").of_file(path));
@@ -230,12 +230,12 @@ impl OutputTarget {
         }
     }
 
-    /// Writes what `content` gives.
+    /// Writes the content.
     ///
     /// # Errors
     /// The content cannot be written whole, or the file has come to exist.
-    /// A file that was there before is then as it was, and what was
-    /// finished is kept where the message says.
+        /// A file that was there before is then as it was, and a finished file
+        /// is kept where the message says.
     pub fn write(&self, content: &mut Content) -> Result<()> {
         match &self.0 {
             Kind::Open(number) => {
@@ -296,8 +296,8 @@ impl OutputTarget {
     }
 }
 
-/// The format of an image of this name, which on a descriptor is the
-/// `usual` one.
+/// The format of an image of this name; for a descriptor the `usual`
+/// one.
 ///
 /// # Errors
 /// The extension is unknown.
@@ -313,7 +313,7 @@ pub fn refuse_aliases<'a>(
     read: impl Iterator<Item = &'a Path>,
     written: impl Iterator<Item = &'a Path>,
 ) -> Result<()> {
-    // Find the one true name of a file
+    // Resolve the name of a file
     let place = |path: &Path| {
         let new = || {
             let directory = directory(path).canonicalize().ok()?;

@@ -54,8 +54,8 @@ pub struct Plan {
     pub scene: PathBuf,
     /// What senses the light.
     pub sensor: SensorPlan,
-    /// The direction that is up for a camera, and in which the sky is; none
-    /// if nobody has said it, and then z.
+    /// The direction that is up for a camera, and in which the sky is; if
+    /// none is given, z.
     pub up: Option<DVec3>,
     /// What surfaces reflect.
     pub surfaces: SurfacePlan,
@@ -67,11 +67,11 @@ pub struct Plan {
     pub part: Option<Part>,
     /// The method; none if a pilot is to choose one.
     pub method: Option<Method>,
-    /// Chooses all random numbers.
+    /// The seed of all random numbers.
     pub seed: u64,
-    /// The state of another part, from which is taken what it has learnt.
+    /// The state of another part, whose trained cache is used.
     pub cache: Option<PathBuf>,
-    /// Whether what the scene does not need is left out.
+    /// Whether work that cannot change the image is left out.
     pub shortcuts: bool,
     /// The number of threads; none for all cores.
     pub threads: Option<u64>,
@@ -80,7 +80,7 @@ pub struct Plan {
     pub isa: Option<Isa>,
     /// An image of the same view, to compute true errors from.
     pub reference: Option<PathBuf>,
-    /// What is written.
+    /// The files of the run.
     pub outputs: Outputs,
 }
 
@@ -127,7 +127,8 @@ pub enum SensorPlan {
     Faces {
         /// Which sides.
         side: Side,
-        /// Whether it is asked what leaves them, and not what arrives.
+        /// Whether the light that leaves them is computed, and not what
+        /// arrives.
         radiosity: bool,
     },
     /// The vertices of the scene.
@@ -177,7 +178,7 @@ impl CameraPlan {
         whole_window(self.resolution, self.crop)
     }
 
-    /// Whether it stands where it was told to.
+    /// Whether its position is given.
     pub fn is_placed(&self) -> bool {
         matches!(self.stand, Stand::At(..))
     }
@@ -188,8 +189,8 @@ impl CameraPlan {
         f64::from(width) / f64::from(height)
     }
 
-    /// The view with this direction up; outside the scene its place is still
-    /// to be found.
+    /// The view with this direction up; outside the scene its position is
+    /// still to be found.
     pub fn view(&self, up: DVec3) -> View {
         let (position, target) = match self.stand {
             Stand::At(position, target) => (position, target),
@@ -206,10 +207,10 @@ pub struct SurfacePlan {
     pub albedo: f64,
     /// Albedos of materials, groups and objects by name.
     pub named: Vec<(String, f64)>,
-    /// Whether materials have the albedos of their libraries; none if they
-    /// have them where these can be read.
+    /// Whether materials have the albedos of their libraries; none to use
+    /// those that can be read.
     pub materials: Option<bool>,
-    /// The band of them that is taken; none for the luminance.
+    /// The band of the materials; none for the luminance.
     pub band: Option<Band>,
 }
 
@@ -238,7 +239,7 @@ pub enum Product {
 }
 
 impl Product {
-    /// Whether it shows what a filter has made.
+    /// Whether a filter may change what it shows.
     pub fn is_picture(self) -> bool {
         use Format::{Exr, Png};
         matches!(self, Self::Image(Png | Exr) | Self::Report(Kind::Html))
@@ -253,7 +254,7 @@ impl Product {
 /// What a run writes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outputs {
-    /// Files and what they hold.
+    /// Files and their contents.
     pub files: Vec<(Product, PathBuf)>,
     /// Whether files that exist are replaced.
     pub force: bool,
@@ -263,12 +264,12 @@ pub struct Outputs {
     pub checkpoint_interval: f64,
     /// Whether PNG files are written while the image is rendered.
     pub preview: bool,
-    /// By how much PNG files and pages are brighter, if that is said.
+    /// By how much PNG files and pages are brighter, if it is given.
     pub exposure: Option<Exposure>,
     /// Whether pictures are filtered.
     pub filter: bool,
-    /// The root mean square error of the picture, in units of the mean of
-    /// what is not sky, at which the run ends.
+    /// The root mean square error of the picture, relative to the mean of
+    /// all but the sky, at which the run ends.
     #[serde(default)]
     pub picture_error: Option<f64>,
     /// What was chosen for pictures, in words.
@@ -293,7 +294,7 @@ impl Default for Outputs {
 }
 
 impl Outputs {
-    /// The files that hold what is meant.
+    /// The files with some contents.
     pub fn of(
         &self,
         is_meant: impl Fn(Product) -> bool,
@@ -305,7 +306,7 @@ impl Outputs {
 }
 
 impl CameraPlan {
-    /// Whether there is such an image.
+    /// Checks that there is such an image.
     fn check(&self) -> Result<()> {
         let (width, height) = self.resolution;
         let size = format!("{width}x{height}");
@@ -323,7 +324,7 @@ impl CameraPlan {
     }
 }
 
-/// Refuses a value that is not valid, for a reason in words.
+/// Returns an error with a reason in words unless a value is valid.
 pub(crate) fn require(
     is_valid: bool,
     name: &'static str,
@@ -351,8 +352,8 @@ impl Plan {
         }
     }
 
-    /// Whether all that it asks for is pictures, in files, of a whole image
-    /// that is compared with none.
+    /// Whether all of its files are pictures, on the disk, of a whole image
+    /// without a reference.
     pub fn shows_only_pictures(&self) -> bool {
         let is_picture = |(product, path): &(Product, PathBuf)| {
             product.is_picture()
@@ -391,22 +392,22 @@ impl Plan {
             || self.outputs.files.iter().any(|(p, _)| p.has_hash())
     }
 
-    /// Whether somebody has said where up is.
+    /// Whether the plan states where up is.
     pub fn says_up(&self) -> bool {
         self.up.or(self.sky.zenith).is_some()
     }
 
-    /// Has the axis up that looks so in a mesh, if nobody has said which is.
+    /// Sets the up axis that the faces of a mesh suggest, if none was given.
     pub fn look_up(&mut self, mesh: &Mesh) {
         if !self.says_up() {
             self.up = mesh.up();
         }
     }
 
-    /// Whether it can be rendered.
+    /// Checks that the plan can be rendered.
     ///
     /// # Errors
-    /// The first of its values that cannot.
+    /// The first invalid value.
     pub fn check(&self) -> Result<()> {
         let named = self.surfaces.named.iter().map(|(_, albedo)| *albedo);
         let albedos =
@@ -431,7 +432,7 @@ impl Plan {
         self.part.map_or(Ok(()), |part| self.check_part(part))
     }
 
-    /// Whether a part of the run is one.
+    /// Checks that the part of the run exists.
     fn check_part(&self, part: Part) -> Result<()> {
         let ((from, to), (k, n)) = (part.samples, part.band);
         let range = format!("{from}..{to}");
@@ -454,8 +455,8 @@ impl Plan {
         require(n <= rows, "band", band, &more)
     }
 
-    /// The plan as a state has it, from which its files are found in any
-    /// directory; it was made in `directory`.
+    /// The plan as a state holds it, whose files are found from any directory;
+    /// it was made in `directory`.
     pub fn saved(&self, directory: &Path) -> Self {
         let mut saved = self.clone();
         for name in saved.names() {
@@ -493,7 +494,7 @@ impl Plan {
     }
 }
 
-/// The name of a file that is read, for people.
+/// The name of an input file, for people.
 pub(crate) fn input_name(path: &Path) -> String {
     match is_dash(path) {
         true => "standard input".to_owned(),
@@ -501,7 +502,7 @@ pub(crate) fn input_name(path: &Path) -> String {
     }
 }
 
-/// Whether a file is standard input or output.
+/// Whether a name stands for standard input or output.
 pub fn is_dash(path: &Path) -> bool {
     path.as_os_str() == "-"
 }

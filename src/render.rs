@@ -28,7 +28,7 @@ use crate::scene::Ray;
 use crate::sensor::{Sensor, Starts};
 use crate::statistics::Accumulator;
 
-/// Renders by paths: what, and how.
+/// What is rendered by paths, and how.
 pub struct Job<'a, K, E, S = IndependentSampler> {
     /// What starts the samples.
     pub sensor: &'a Sensor,
@@ -78,7 +78,7 @@ const IN_FLIGHT: usize = 4;
 
 /// A path that has left a surface.
 struct PathInFlight<P, S> {
-    /// What its integrator remembers.
+    /// The state that its integrator keeps.
     path: P,
     sampler: S,
     /// Where it goes next.
@@ -92,9 +92,9 @@ struct PathInFlight<P, S> {
 }
 
 impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
-    /// Adds values, the means of replicates, to the pixels of a tile, given
-    /// their numbers, and returns the number of rays; none, with the pixels as
-    /// they were, if the pass is stopped or there is nothing to do.
+    /// Adds the values of these numbers, means of replicates, to the pixels of
+    /// a tile. Returns the number of rays, or none, with the pixels as they
+    /// were, if the pass is stopped or there is nothing to do.
     fn add(
         &self,
         FilmTile { tile, pixels, halves, fragments, .. }: FilmTile,
@@ -136,9 +136,9 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         Some(rays)
     }
 
-    /// The sums of some values of the pixels of a tile, given their numbers,
-    /// their halves if these are kept, and the number of rays; none if it was
-    /// stopped.
+    /// Renders the values of these numbers of the pixels of a tile. Returns
+    /// their sums, their halves if these are kept, and the number of rays;
+    /// none if it was stopped.
     fn fill(
         &self,
         tile: Tile,
@@ -171,9 +171,9 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         Some((sums, halves, rays))
     }
 
-    /// Begins the paths of a batch, each the number of a pixel in its tile and
-    /// of a sample, and takes them up to their first hits; those that are over
-    /// are added to their pixels. Returns the number of rays.
+    /// Begins the paths of a `batch`, each given by the number of a pixel in
+    /// its tile and of a sample, and takes them to their first hits. Paths
+    /// that end there are added to their pixels. Returns the number of rays.
     #[inline(always)]
     fn begin(
         &self,

@@ -24,27 +24,27 @@ use serde::{Deserialize, Serialize};
 /// Finds the error of the picture that a film holds, if it is known.
 pub type Judge = fn(&Film) -> Option<f64>;
 
-/// When a run stops, and what it is compared with.
+/// The limits of a run, and its reference.
 #[derive(Clone, Copy, Default)]
 pub struct Limits<'a> {
     /// At most so many samples of each pixel.
     pub samples: Option<u64>,
-    /// So many of each pixel in any case, unless a signal arrives.
+    /// At least so many of each pixel, unless a signal arrives.
     pub least: u64,
     /// The time at which the program should end.
     pub deadline: Option<Instant>,
     /// The seconds that it needs after the last sample to write its files:
     /// if no pixel has a sample, and if all have.
     pub reserve: [f64; 2],
-    /// Tells the time; that of the system, if none.
+    /// The clock; the system's, if none.
     pub clock: Option<&'a (dyn Fn() -> Instant + Sync)>,
     /// The error to reach.
     pub error: Option<f64>,
-    /// Which error that is.
+    /// The norm of this error.
     pub norm: ErrorNorm,
-    /// The error of the picture to reach, and what finds it.
+    /// The error of the picture to reach, and the function that finds it.
     pub picture: Option<(f64, Judge)>,
-    /// Stops the run when a signal arrives.
+    /// Stops the run after a signal.
     pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
     pub reference: Option<&'a [f64]>,
@@ -59,7 +59,7 @@ impl Limits<'_> {
         self.interrupt?.signal()
     }
 
-    /// When rendering has to end if this share of the pixels has a sample.
+    /// When rendering has to end if this fraction of pixels has a sample.
     fn end(&self, share: f64) -> Option<Instant> {
         let [none, full] = self.reserve;
         let reserve = none + share.min(1.) * (full - none);
@@ -95,7 +95,7 @@ pub struct CurvePoint {
     pub rays: u64,
     /// Estimated root mean square error over the pixels, if known.
     pub rmse: Option<f64>,
-    /// The error that is held against a target, if it is another and known.
+    /// The error that is compared with a target, if it is another and known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_error: Option<f64>,
     /// Mean radiance of the image.
@@ -111,25 +111,25 @@ pub struct CurvePoint {
 }
 
 impl CurvePoint {
-    /// The error of a measure that is held against a target, if it is known.
+    /// The error by this norm, if it is known.
     pub fn judged(&self, norm: ErrorNorm) -> Option<f64> {
         if norm.is_rms() { self.rmse } else { self.target_error }
     }
 }
 
-/// What a run has done so far; by this its loop decides how many samples
-/// there will be.
+/// The record of a run so far, by which its loop decides how many samples
+/// to make.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Convergence {
     /// Samples that each pixel has at least.
     pub spp: u64,
-    /// Seconds of rendering, with what is done between the passes.
+    /// Seconds of rendering, with the work between passes.
     #[serde(rename = "render_seconds")]
     pub seconds: f64,
     /// Rays traced.
     pub rays: u64,
     /// Pixels whose samples were all alike, at the last step: their error
-    /// is not seen.
+    /// is hidden.
     pub constant_pixels: u64,
     /// The curve of error against time.
     pub curve: Vec<CurvePoint>,
@@ -138,7 +138,7 @@ pub struct Convergence {
     /// Seconds of all processors, if there are several ranks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_seconds: Option<f64>,
-    /// What each rank has done since the run was begun or resumed.
+    /// The work of each rank since the run was begun or resumed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ranks: Vec<RankStats>,
     /// Seconds for one sample of each pixel, at the last pass.
@@ -170,13 +170,13 @@ fn true_error(film: &Film, truth: &[f64]) -> f64 {
 }
 
 impl Convergence {
-    /// Goes on with a run until a limit is reached: the render loop, which
+    /// Continues a run until a limit is reached: the render loop, which
     /// [`Run::render`](crate::run::Run::render), the command `pt` and `ptview`
-    /// call. It is here, and not in `Run`, since by what was done so far it
-    /// decides how long a pass lasts and when the next step is due.
+    /// call. It is here, and not in `Run`, since the record of the run decides
+    /// how long a pass lasts and when the next step is due.
     ///
     /// Calls `advance`, from any thread, with the number of paths that are
-    /// done, or of rays while the renderer learns, and `after` when a pass has
+    /// done, or of rays during the training, and `after` when a pass has
     /// ended.
     pub fn run(
         &mut self,
@@ -203,7 +203,7 @@ impl Convergence {
             advance(paths);
             goes_on(taken.fetch_add(paths, Ordering::Relaxed) + paths)
         };
-        // Learn before the first pass
+        // Train before the first pass
         let rays = renderer.learn(film, &|rays| {
             advance(rays);
             goes_on(0)
@@ -220,7 +220,7 @@ impl Convergence {
                 self.stopped = Some(stop);
                 return stop;
             }
-            // Render one pass and look at the clock
+            // Render one pass and measure its time
             let slice = renderer.least_seconds().max(SLICE);
             let (end, due) = self.next(limits, area, slice);
             let began = limits.now();
@@ -247,8 +247,8 @@ impl Convergence {
         }
     }
 
-    /// Where the next pass ends, of at most so many seconds, and where the
-    /// next step is due.
+    /// The end of the next pass, of at most so many seconds, and the next
+    /// step.
     fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
         // Find when the next step is due
         let needed = self.needed(limits, area).map(|n| n.max(self.spp + 1));
@@ -265,13 +265,13 @@ impl Convergence {
         (due.min(self.spp.saturating_add(pace.max(1))), due)
     }
 
-    /// The last step; before the first, one that knows nothing.
+    /// The last step; before the first, one without any value.
     pub fn last(&self) -> CurvePoint {
         self.curve.last().copied().unwrap_or_default()
     }
 
     /// The samples after which the run is expected to stop, if its time
-    /// is not over before; none if that cannot be foreseen.
+    /// is not over before; none if that cannot be predicted.
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
         let last = self.last().judged(limits.norm);
         let needed = last.and_then(|_| self.needed(limits, area));
@@ -279,16 +279,16 @@ impl Convergence {
         ends.min().map(|spp| spp.max(self.spp))
     }
 
-    /// The samples after which the error is expected to be reached, if one is
-    /// asked for.
+    /// The samples after which the target error is expected to be reached, if
+    /// there is one.
     fn needed(&self, limits: &Limits, area: u64) -> Option<u64> {
         let last = self.last().judged(limits.norm);
         let spp = last.map_or(self.spp, |_| self.last().spp);
         Some(samples_to_error(limits.error?, (spp, last), area))
     }
 
-    /// Finds the error of the picture, if there is one to reach and time for
-    /// it, and returns the seconds of the run at which to do so again.
+    /// Finds the error of the picture, if it is a limit and there is time, and
+    /// returns the seconds of the run at which to do so again.
     fn judge(&mut self, film: &Film, limits: &Limits) -> f64 {
         let Some((goal, error)) = limits.picture else { return f64::MAX };
         let began = limits.now();
@@ -323,7 +323,7 @@ impl Convergence {
         if self.reaches(limits, area) {
             return Some(Stop::Error);
         }
-        // Say whether the time is over or too short
+        // Stop if the time is over or too short
         let pace = self.pace.filter(|&pace| pace < SLICE).unwrap_or(0.);
         let now = limits.now() + Duration::from_secs_f64(pace);
         let is_over = |end| match self.spp {

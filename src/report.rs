@@ -1,12 +1,12 @@
 // Tangled from chapters/report.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What a run reports: its settings, its timings, and the curve of its
+//! The report of a run: its settings, its timings, and the curve of its
 //! error against time.
 //!
 //! Errors are absolute, in units of the sky's radiance; times are
-//! seconds of wall clock. A number that is not known is none in Rust,
-//! null in JSON, an empty field in CSV, and a word for people.
+//! seconds of wall clock. An unknown number is none in Rust, null in
+//! JSON, an empty field in CSV, and a word for people.
 //!
 //! ```
 //! use std::path::Path;
@@ -91,7 +91,7 @@ fn json(report: &Report) -> String {
     format!("{object:#}\n")
 }
 
-/// A header, and a row for each point; what is not known is empty.
+/// A header, and a row for each point; an unknown number is empty.
 fn csv(curve: &[CurvePoint]) -> String {
     let header = "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference";
     let row = |point| {

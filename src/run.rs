@@ -50,8 +50,8 @@ use crate::state::learnt;
 use crate::statistics::Accumulator;
 use crate::world::World;
 
-/// What earlier runs have left: the state of this run, from which it goes
-/// on, and that of another part of it, from which it takes what was learnt.
+/// The states of earlier runs: the state of this run, which continues, and
+/// the state of another part of it, whose trained cache is used.
 #[derive(Default)]
 pub struct History {
     /// The state of this run.
@@ -60,23 +60,23 @@ pub struct History {
     pub cache: Option<Checkpoint>,
 }
 
-/// A run that is about to begin.
+/// A run that has not begun.
 pub struct Run<'a> {
-    /// What is to be done.
+    /// The values that describe the run.
     pub plan: &'a Plan,
     /// The scene.
     pub world: &'a World,
-    /// Who hears of it.
+    /// The receiver of events.
     pub host: Host<'a>,
     /// All that decides its samples.
     pub key: RunKey,
-    /// What a pilot has found, if it has chosen the method.
+    /// The findings of a pilot, if it has chosen the method.
     pub choice: Option<Choice>,
-    /// What it has learnt, or will learn.
+    /// The trained cache, now or later.
     pub learnt: Arc<OnceLock<Learnt>>,
-    /// Makes its samples.
+    /// The renderer that makes the samples.
     pub renderer: Box<dyn Renderer + 'a>,
-    /// What its pixels show, once that is known.
+    /// What the pixels show, once that is known.
     shown: OnceLock<Arc<Fragments>>,
 }
 
@@ -93,10 +93,10 @@ impl<'a> Run<'a> {
         Self::after(&History::default(), world, plan, host)
     }
 
-    /// The same after earlier runs.
+    /// Chooses it after earlier runs.
     ///
     /// # Errors
-    /// What they have left belongs to another run, or those of [`Run::new`].
+    /// Their states belong to another run, or those of [`Run::new`].
     pub fn after(
         history: &History,
         world: &'a World,
@@ -118,7 +118,7 @@ impl<'a> Run<'a> {
         Ok(Self::with(world, plan, host, key, choice, learnt))
     }
 
-    /// A run of this key, which has learnt that.
+    /// A run with this key and this cache.
     fn with(
         world: &'a World,
         plan: &'a Plan,
@@ -133,7 +133,7 @@ impl<'a> Run<'a> {
         Self { plan, world, host, key, choice, learnt, renderer, shown }
     }
 
-    /// A run whose image is worth to be shown soon, and is filtered.
+    /// A run whose first image comes soon, and is filtered.
     pub fn for_display(
         world: &'a World,
         plan: &'a Plan,
@@ -150,7 +150,7 @@ impl<'a> Run<'a> {
     }
 
     /// A glance, with its film, to be shown until there is a better picture; none
-    /// if that is not needed, or a signal arrives.
+    /// if that is not needed, or if a signal arrives.
     ///
     /// # Errors
     /// There is too little memory.
@@ -183,7 +183,7 @@ impl<'a> Run<'a> {
             Self::with(world, plan, host, key, None, Arc::default());
         run.shown = shown;
         let (mut film, mut convergence) = run.film(None)?;
-        // Limit a first picture
+        // Limit the glance
         let least = run.least();
         let limits = Limits {
             least,
@@ -206,8 +206,8 @@ impl<'a> Run<'a> {
         part.or(samples.map(|n| n.max(self.least())))
     }
 
-    /// The samples of each pixel that no limit of time ends: those of a picture
-    /// that is there soon, if all its samples count.
+    /// The samples of each pixel that no limit of time prevents: those of a
+    /// picture that comes soon, if all its samples count.
     fn least(&self) -> u64 {
         let Sampling { method, net_size, glance, .. } = self.key.sampling;
         let few = FEWEST.max(2 * net_size);
@@ -228,7 +228,7 @@ impl<'a> Run<'a> {
         key.filtered.then(|| self.shown.get_or_init(trace).clone())
     }
 
-    /// The film and what it has so far: nothing yet, or what is saved.
+    /// The film and its convergence: empty, or from a state.
     ///
     /// # Errors
     /// There is too little memory, or the state belongs to another run.
@@ -265,7 +265,7 @@ impl<'a> Run<'a> {
         Ok((film, convergence))
     }
 
-    /// Fails if the memory of the film is not there.
+    /// Fails if there is no memory for the film.
     fn ask_for_memory(&self) -> Result<()> {
         let [whole, area] = self.key.windows().map(|window| window.area());
         let learns = self.key.sampling.method == Method::Gather
@@ -282,7 +282,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// The limits that the plan sets.
+    /// The limits of the plan.
     pub fn limits(&self) -> Limits<'a> {
         let enough = samples_if_known(&self.world.analysis);
         let (error, norm) = self.plan.budget.error.unzip();
@@ -296,8 +296,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// What happens to sample `n` of a pixel, or of a receiver by its number
-    /// in the file, from 0, in words; a gather learns first.
+    /// The path of sample `n` of a pixel, or of a receiver by its number in the
+    /// file, from 0, in words; a gather is trained first.
     ///
     /// # Errors
     /// There is no such pixel or receiver, or it has no value; or the run has
@@ -321,7 +321,7 @@ impl<'a> Run<'a> {
             (left..right).contains(&x) && (top..bottom).contains(&row);
         let sample = format!("{x},{y},{n}");
         require(is_there, "sample", &sample, "nothing is rendered there")?;
-        // Trace a sample that the run has
+        // Trace a sample of the run
         let RunKey { sampling, part, .. } = self.key;
         if sampling.method == Method::Gather {
             self.renderer.learn(&mut self.key.film(), &|_| true);
@@ -342,7 +342,7 @@ impl<'a> Run<'a> {
         Ok(trace.text(bvh, frame))
     }
 
-    /// The report of the run, which has not begun.
+    /// The report of the run before its first pass.
     pub fn report(&self) -> Report {
         let Self { plan, world, key, .. } = self;
         let (error, norm) = plan.budget.error.unzip();
@@ -395,23 +395,23 @@ impl<'a> Run<'a> {
     }
 }
 
-/// What a run has rendered.
+/// The result of a run.
 pub struct Rendering<'a> {
     world: &'a World,
     learnt: Arc<OnceLock<Learnt>>,
     /// The sums of its samples.
     pub film: Film,
-    /// How its error has become less.
+    /// The record of its passes.
     pub convergence: Convergence,
-    /// Why it has ended.
+    /// The reason of its end.
     pub stop: Stop,
 }
 
 impl Rendering<'_> {
-    /// The value of each receiver that was asked for, or of each pixel row by
-    /// row, with its standard error; NaN where there is none. The irradiance
-    /// of receivers is in units of that of a horizontal surface in the open,
-    /// the radiance of pixels in units of that of the uniform sky.
+    /// The value of each requested receiver, or of each pixel row by row,
+    /// with its standard error; NaN where there is none. The irradiance of
+    /// receivers is in units of the irradiance of a horizontal surface in
+    /// the open, the radiance of pixels in units of the uniform sky's.
     pub fn values(&self) -> Vec<[f64; 2]> {
         let film = &self.film;
         if let Some((table, receivers)) = self.world.table() {
@@ -422,7 +422,7 @@ impl Rendering<'_> {
         film.means().zip(errors).map(Into::into).collect()
     }
 
-    /// The pixels of a camera, not filtered, as a format writes them; of
+    /// The pixels of a camera, not filtered, as a format writes them; for
     /// receivers a column, in the order in which they are rendered.
     pub fn image(&self) -> Image {
         let learnt = self.learnt.get();
@@ -433,7 +433,7 @@ impl Rendering<'_> {
     }
 }
 
-/// All that decides the samples of a plan.
+/// The key of a plan, which identifies its samples.
 fn run_key(
     plan: &Plan,
     world: &World,
@@ -451,7 +451,7 @@ fn run_key(
     }
 }
 
-/// What is asked of a run that has begun.
+/// The request of a run to the policy.
 fn request(plan: &Plan, world: &World, host: Host) -> Request {
     let deadline = plan.budget.deadline(host.start);
     let left = deadline.map(|end| {
@@ -470,8 +470,8 @@ fn request(plan: &Plan, world: &World, host: Host) -> Request {
     }
 }
 
-/// How the samples are made: as in a state, if there is one. And what a pilot
-/// has found, if it has chosen.
+/// How the samples are made: as in a state, if there is one. And the
+/// findings of a pilot, if it has chosen.
 fn method(
     plan: &Plan,
     world: &World,
@@ -480,7 +480,7 @@ fn method(
 ) -> (Sampling, Option<Choice>) {
     let request = request(plan, world, host);
     let (sampling, choice) = world.setup().decide(&request, saved);
-    // Warn if it is not the method that is asked for
+    // Warn if it is not the requested method
     let (wanted, chosen) = (request.method, sampling.method);
     let wanted = wanted.or(saved.map(|saved| saved.method));
     if let Some(wanted) = wanted.filter(|&wanted| wanted != chosen) {
@@ -510,7 +510,7 @@ fn keeps_halves(
     is_wanted && had_halves
 }
 
-/// What this run, or another part of it, has learnt before.
+/// The cache that this run, or another part of it, has trained before.
 fn learnt_before(
     plan: &Plan,
     key: &RunKey,
@@ -531,7 +531,7 @@ fn learnt_before(
             return Err(fault.of_file(path));
         }
     }
-    // Tell the other processes
+    // Send it to the other processes
     let (rank, size) = host.ranks.rank_and_size();
     if size == 1 {
         return Ok(found);

@@ -38,18 +38,18 @@ struct RunFile {
     seconds: f64,
 }
 
-/// The files of a run, and what is known of it so far.
+/// The files of a run, and the record that goes into them.
 pub struct RunOutput<'a> {
     files: Vec<RunFile>,
     /// Time between two checkpoints.
     every: Duration,
-    /// What is known of the run, which goes into the files.
+    /// The record of the run, which goes into the files.
     pub record: RunRecord,
-    /// By how much PNG files are brighter, if that is said.
+    /// By how much PNG files are brighter, if it is given.
     exposure: Option<Exposure>,
-    /// What is shown; none if it is a sum of parts.
+    /// The world that is shown; none for a sum of parts.
     world: Option<&'a World>,
-    /// What the pixels show, once that is asked for.
+    /// What the pixels show, once that is needed.
     shown: OnceCell<Arc<Fragments>>,
     /// The film and the picture of a glance, if there is one.
     pub first: Option<(Film, Filtered)>,
@@ -64,15 +64,15 @@ impl RunFile {
     }
 }
 
-/// The names and values of what is written as an object, as the attributes of
-/// an image.
+/// The names and values of a type that is written as an object, as the
+/// attributes of an image.
 pub fn attributes(value: &impl Serialize) -> BTreeMap<String, String> {
     let named = entries(value).into_iter();
     named.map(|(name, value)| (name, as_typed(&value))).collect()
 }
 
 impl<'a> RunOutput<'a> {
-    /// The files of a run that is about to begin, of a world if it is there.
+    /// The files of a run that is about to begin, and its world if there is one.
     pub fn new(
         files: Vec<(Product, OutputTarget)>,
         outputs: &Outputs,
@@ -102,8 +102,8 @@ impl<'a> RunOutput<'a> {
     /// Writes the files that are due `now`, or all of them a last time.
     ///
     /// # Errors
-    /// Files cannot be written; the others are. Before the end it is worth a
-    /// warning: it will be tried again.
+    /// Files cannot be written; the others are. Before the end this deserves
+    /// only a warning, since they will be tried again.
     pub fn write(
         &mut self,
         convergence: &Convergence,
@@ -166,7 +166,7 @@ impl<'a> RunOutput<'a> {
                 None => file.target.write(content),
             };
             failures.extend(written.err().map(|error| error.to_string()));
-            // Say when a file is due again
+            // Set the time of the next writing
             let mut took = began.elapsed();
             if file.product.is_picture() {
                 took += filtering;
@@ -186,8 +186,8 @@ impl<'a> RunOutput<'a> {
         }
     }
 
-    /// A guess of the seconds that all files take for so many pixels, if none
-    /// of them has a sample and if all have.
+    /// An estimate of the seconds that all files take for so many pixels, if
+    /// none of them has a sample and if all have.
     pub fn seconds_to_write(&self, pixels: u64) -> [f64; 2] {
         // Nanoseconds for a pixel, measured with a half more.
         let [state, summary] = [70., 130.];
@@ -216,7 +216,7 @@ impl<'a> RunOutput<'a> {
 }
 
 /// Chooses by how many stops pictures are brighter: PNG files, if they are,
-/// and what an EXR names; and notes it in the report.
+/// and the number that an EXR records; and notes it in the report.
 fn expose(
     report: &mut Report,
     exposure: Option<Exposure>,
@@ -256,13 +256,13 @@ struct Shown<'f> {
     world: Option<&'f World>,
     filtered: Option<&'f Image>,
     opacity: Option<&'f [f64]>,
-    /// The stops by which a PNG is brighter, and those that an EXR names.
+    /// The stops by which a PNG is brighter, and those that an EXR records.
     stops: Option<f64>,
     auto: Option<f64>,
 }
 
 impl Shown<'_> {
-    /// Writes what a file holds.
+    /// Writes the content of a file.
     fn write(
         &self,
         product: Product,
@@ -310,7 +310,7 @@ impl Shown<'_> {
         }
     }
 
-    /// The image on the film, with all that is known about it.
+    /// The image on the film, with its attributes.
     fn picture(&self) -> Picture<'_> {
         let &Self { film, filtered, opacity, .. } = self;
         let RunRecord { run_key, report, .. } = self.record;

@@ -6,7 +6,7 @@
 //! ```
 //! use litpt::sampler::{IndependentSampler, Sampler};
 //!
-//! // Sample 7 of pixel 3, of which each number is always the same.
+//! // Sample 7 of pixel 3: each of its numbers is always the same.
 //! let numbers = IndependentSampler::new(42);
 //! let [mut a, mut b] = [(); 2].map(|()| numbers.start(3, 7));
 //! assert_eq!(a.get_pixel_2d(), b.get_pixel_2d());
@@ -23,19 +23,18 @@ use rand_pcg::Pcg64;
 
 use crate::numerics::sincos_turns;
 
-/// The numbers of one sample of a pixel, asked for by their dimension.
-/// They are a function of the seed, the pixel, the sample and the dimension
-/// alone.
+/// The numbers of one sample of a pixel, requested by their dimension.
+/// They depend only on the seed, the pixel, the sample and the dimension.
 pub trait Sampler: Clone + Send + Sync {
     /// The number of consecutive samples of a pixel, at least 1, that are
-    /// placed together; what is placed apart is independent.
+    /// placed together; samples placed apart are independent.
     fn net_size(&self) -> u64;
 
-    /// The sampler of sample `index` of a pixel, by their numbers.
+    /// The sampler of sample `index` of a pixel, given by its number.
     fn start(&self, pixel: u64, index: u64) -> Self;
 
-    /// Two numbers uniform over the integers below 2^32, of the dimensions
-    /// 0 and 1: where the path crosses the pixel.
+    /// Two numbers uniform over the integers below 2^32, of dimensions 0
+    /// and 1: where the path crosses the pixel.
     fn get_pixel_2d(&mut self) -> [u32; 2];
 
     /// A number uniform over [0, 1).
@@ -45,15 +44,15 @@ pub trait Sampler: Clone + Send + Sync {
     fn get_2d(&mut self, dimension: u64) -> [f64; 2];
 }
 
-/// The dimensions of a path; 0 and 1 are those of the point in the pixel.
+/// The dimensions of a path; the point in the pixel has 0 and 1.
 pub mod dimension {
-    /// That of Russian roulette at a bounce, counted from 0.
+    /// The dimension of Russian roulette at a bounce, counted from 0.
     #[inline(always)]
     pub fn roulette(bounce: u64) -> u64 {
         2 + 3 * bounce
     }
 
-    /// The first of the two of the direction in which a bounce leaves.
+    /// The first of the two dimensions of the direction after a bounce.
     #[inline(always)]
     pub fn direction(bounce: u64) -> u64 {
         3 + 3 * bounce
@@ -84,7 +83,7 @@ pub struct IndependentSampler {
 }
 
 impl IndependentSampler {
-    /// The sampler for a seed, not started.
+    /// The sampler for a seed, before it is started.
     pub fn new(seed: u64) -> Self {
         Self { seed, random: generator(seed, 0, 0) }
     }
@@ -125,7 +124,7 @@ pub fn to_unit(x: u32) -> f64 {
 }
 
 /// The coordinate in (i/n, (i+1)/n), strictly between the ends, that a
-/// uniform random number chooses in column or row `i` of `n` <= 65536.
+/// uniform random integer selects in column or row `i` of `n` <= 65536.
 #[inline(always)]
 pub fn within(i: u32, n: u32, random: u32) -> f64 {
     (f64::from(i) + to_unit(random)) / f64::from(n)

@@ -3,8 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Triangles near the origin.
 //!
-//! A `Mesh` is in the coordinates of its file, in double precision.
-//! A `Scene` is the same triangles after its `Frame` has brought them near
+//! A `Mesh` has the coordinates of its file, in double precision.
+//! A `Scene` has the same triangles after its `Frame` has brought them near
 //! the origin, without rounding.
 //!
 //! ```
@@ -61,12 +61,12 @@ impl Triangles {
         self.corners[i].map(|corner| self.vertices[corner as usize])
     }
 
-    /// The corners of each.
+    /// The corners of each triangle.
     pub fn to_vec(&self) -> Vec<Triangle> {
         (0..self.corners.len()).map(|i| self.get(i)).collect()
     }
 
-    /// Takes triangles out; returns their faces.
+    /// Removes triangles; returns their faces.
     fn leave_out(&mut self, out: &[bool]) -> Vec<u32> {
         let (mut first, mut second) = (out.iter(), out.iter());
         self.corners.retain(|_| first.next() == Some(&false));
@@ -84,10 +84,11 @@ fn has_area([a, b, c]: Triangle) -> bool {
 pub struct Scene {
     /// The map.
     pub frame: Frame,
-    /// Those that have an area, in the order of the mesh, without copies.
+    /// The triangles that have an area, in the order of the mesh, without
+    /// copies.
     pub triangles: Triangles,
-    /// The faces, from 0, of triangles that were left out: because they have
-    /// no area, and because others have the same corners.
+    /// The faces, from 0, of triangles without an area, and of triangles
+    /// that have the same corners as an earlier one.
     pub left_out: [Vec<u32>; 2],
 }
 
@@ -97,7 +98,7 @@ impl Scene {
         Self::of(mesh.clone())
     }
 
-    /// The same, which uses the mesh up.
+    /// Like `new`, but takes the mesh over.
     pub fn of(mesh: Mesh) -> Self {
         let (extremes, faces) = (mesh.corners(), mesh.faces());
         let Mesh { vertices, triangles: corners, .. } = mesh;
@@ -144,7 +145,7 @@ fn copies(triangles: &Triangles) -> Vec<bool> {
         a.wrapping_add(b).wrapping_add(c)
     };
     let keys: Vec<u64> = triangles.corners.par_iter().map(key).collect();
-    // Keep the numbers that may be there twice
+    // Sort the keys that may occur twice
     let words = keys.len().div_ceil(8).next_power_of_two();
     let place =
         |key: u64| ((key as usize / 64) & (words - 1), 1u64 << (key % 64));
@@ -176,7 +177,7 @@ fn copies(triangles: &Triangles) -> Vec<bool> {
     is_copy
 }
 
-/// A number that depends on all bits of a value, and on nothing else.
+/// A hash, which depends on the value only.
 pub fn scattered(value: impl Hash) -> u64 {
     let mut hasher = DefaultHasher::new();
     value.hash(&mut hasher);

@@ -1,8 +1,8 @@
 // Tangled from chapters/sensor.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What starts a sample: the ray of a camera, or a receiver, which is a point
-//! with a normal or a face.
+//! The start of a sample: the ray of a camera, or a receiver, which is a
+//! point with a normal or a face.
 //!
 //! ```
 //! use litpt::sensor::read_points;
@@ -33,7 +33,7 @@ use crate::sampler::{to_unit, within};
 use crate::scene::encoding::{self, quoted};
 use crate::scene::{Entrance, Frame, Ray, Triangle, Triangles};
 
-/// What starts a sample.
+/// The start of a sample.
 pub enum Sensor {
     /// A camera, and where its rays enter the scene.
     Camera(Camera, Entrance),
@@ -41,9 +41,9 @@ pub enum Sensor {
     Receivers(Receivers),
 }
 
-/// Where samples have started.
+/// The starts of samples.
 pub struct Starts {
-    /// Where their rays went; those of receivers have none.
+    /// The directions of their rays; receivers have none.
     pub directions: [DVec3; BEAM],
     /// The surfaces that they have met, or receivers.
     pub hits: Batch<Hit>,
@@ -55,8 +55,8 @@ pub struct Starts {
 pub type Place = ((u32, u32), [u32; 2]);
 
 impl Sensor {
-    /// Starts samples in an image of this resolution, of which some may be
-    /// missing; `sees_sky` if their rays meet nothing.
+    /// Starts samples in an image of this resolution. Some may be missing;
+    /// with `sees_sky` their rays meet nothing.
     #[inline(always)]
     pub fn starts(
         &self,
@@ -93,8 +93,8 @@ impl Sensor {
         Starts { directions, hits, rays }
     }
 
-    /// Starts a sample at the point (`x`, `y`) of the image: where its ray
-    /// goes, if it has one, and what it meets.
+    /// Starts a sample at the point (`x`, `y`) of the image: the direction of
+    /// its ray, the ray if it enters the scene, and the surface that it meets.
     pub fn start(
         &self,
         intersector: &impl Intersector,
@@ -123,7 +123,7 @@ impl Sensor {
     }
 }
 
-/// Where the ray of a camera that passes the scene by meets the ground.
+/// The ground that the ray of a camera meets if it misses the scene.
 fn ground_below(
     intersector: &impl Intersector,
     entrance: &Entrance,
@@ -133,43 +133,43 @@ fn ground_below(
     intersector.below(&Ray { origin, direction })
 }
 
-/// The receivers that are asked for.
+/// The receivers of a run.
 pub struct Receivers {
     /// The number of each that may have a value, in the order of the film.
     pub numbers: Vec<u32>,
     receivers: Vec<Receiver>,
     /// The triangles of faces, without those that have no area; each with
-    /// twice the area of the face up to its end.
+    /// twice the cumulative area of its face.
     parts: Vec<(Triangle, f64)>,
-    /// What is odd about receivers, and their numbers.
+    /// Odd receivers: the kind of oddity, and their numbers.
     pub odd: Vec<(Oddity, u32)>,
-    /// How many were asked for.
+    /// The number of receivers in the file.
     pub asked: usize,
 }
 
-/// Whether an odd receiver has a value nevertheless, and where it is, or what
-/// it has not, in words.
+/// Whether an odd receiver has a value nevertheless, and what is odd about
+/// it.
 pub type Oddity = (bool, &'static str);
 
 /// A point that cannot see the sky.
 pub const INSIDE: Oddity = (true, "inside a closed body");
 
-/// What is around receivers: surfaces, their frame, the unit vector to the
-/// zenith, and whether the normals of points and faces are to be compared.
+/// The surroundings of receivers: surfaces, their frame, the unit vector to
+/// the zenith, and whether the normals of points and faces are compared.
 pub type Around<'a> = (&'a Bvh, &'a Frame, DVec3, bool);
 
-/// What receives.
+/// A receiver.
 #[derive(Clone)]
 enum Receiver {
     /// A point, and the normal there.
     Point(Hit),
-    /// A face: which parts it has, and whether it is its back.
+    /// A face: its range of triangles, and whether it is its back.
     Face(Range<usize>, bool),
 }
 
 impl Receivers {
-    /// The point of receiver `i` that two numbers, uniform over the integers
-    /// below 2^32, choose, as a hit on no triangle.
+    /// The point of receiver `i` that two numbers choose, uniform over the
+    /// integers below 2^32, as a hit on no triangle.
     #[inline]
     pub fn hit(&self, i: usize, u: [u32; 2]) -> Hit {
         let (parts, is_back) = match &self.receivers[i] {
@@ -204,7 +204,7 @@ impl Receivers {
         Self::partition_valid(receivers.collect(), vec![])
     }
 
-    /// Those that may have a value, and the others.
+    /// Separates receivers that may have a value from the others.
     fn partition_valid(
         receivers: Vec<Result<Receiver, &'static str>>,
         parts: Vec<(Triangle, f64)>,
@@ -220,14 +220,14 @@ impl Receivers {
         Self { numbers, receivers, parts, odd, asked }
     }
 
-    /// A point of each.
+    /// A point of each receiver.
     pub fn middles(&self) -> Vec<DVec3> {
         let middle = |i| self.hit(i, [1 << 31; 2]).point;
         (0..self.numbers.len()).map(middle).collect()
     }
 
-    /// Puts them in the order of their keys, without those that cannot have a
-    /// value there.
+    /// Sorts the receivers by their keys, without those that cannot have a
+    /// value.
     pub fn order(
         &mut self,
         around: Around,
@@ -253,8 +253,8 @@ impl Receivers {
     }
 }
 
-/// How far points are lifted along their normals: 2^-22 of the longest side
-/// that a scene may have, which is 2^13.
+/// The distance by which points are lifted along their normals: 2^-22 of
+/// the longest side that a scene may have, which is 2^13.
 const LIFT: f64 = power_of_two(-9);
 
 /// A lifted point of the scene.
@@ -264,7 +264,7 @@ fn point(place: DVec3, normal: DVec3) -> Result<Receiver, &'static str> {
     has_normal.then_some(Receiver::Point(hit)).ok_or("without a normal")
 }
 
-/// Whether a triangle of a kind is this close to a point.
+/// Whether a triangle with a property is this close to a point.
 fn has_near(
     bvh: &Bvh,
     point: DVec3,
@@ -281,8 +281,8 @@ fn has_near(
 /// A point, its normal, and the line that they stand in, from 1.
 pub type Point = (DVec3, DVec3, usize);
 
-/// Reads points with normals, in the coordinates of the file; a warning tells
-/// what was left out of a compressed one.
+/// Reads points with normals, in the coordinates of the file. A warning
+/// says what was left out of a compressed file.
 ///
 /// # Errors
 /// The line at fault, from 1, and what is wrong with it; or there is no
@@ -339,7 +339,7 @@ fn read_point((i, line): (usize, &&str)) -> Option<Result<Point>> {
     })
 }
 
-/// What is odd about a point, if anything is.
+/// The oddity of a point, if it has one.
 fn oddity(
     (bvh, frame, zenith, is_oriented): Around,
     hit: &Hit,
@@ -359,7 +359,7 @@ fn oddity(
     })
 }
 
-/// Whether the normal of a lifted point is into a surface on which it lay.
+/// Whether the normal of a lifted point goes into the surface under it.
 fn looks_into(bvh: &Bvh, &Hit { point, normal, .. }: &Hit) -> bool {
     let is_on = |side: f64| {
         has_near(bvh, point - normal * LIFT, LIFT, |&[a, b, c]| {
@@ -370,8 +370,8 @@ fn looks_into(bvh: &Bvh, &Hit { point, normal, .. }: &Hit) -> bool {
     is_on(-1.) && !is_on(1.)
 }
 
-/// Whether a point sees surfaces alone, and on the side of the sky their
-/// backs, as inside a closed body.
+/// Whether a point sees surfaces alone, and only their backs on the side of
+/// the sky, as inside a closed body.
 fn is_inside(bvh: &Bvh, origin: DVec3, zenith: DVec3) -> bool {
     (0..RAYS).all(|i| {
         let direction = on_sphere(i);
@@ -388,7 +388,7 @@ fn is_inside(bvh: &Bvh, origin: DVec3, zenith: DVec3) -> bool {
     })
 }
 
-/// How many rays look for the faces around a point.
+/// The number of rays that look for the faces around a point.
 const RAYS: u32 = 512;
 
 /// The direction of a ray, a point of a spiral.
@@ -421,8 +421,9 @@ impl Receivers {
         Self::partition_valid(receivers.collect(), vec![])
     }
 
-    /// The faces with these triangles, given the face of each, on these sides;
-    /// the number of a face on both is doubled, plus one for its back.
+    /// Receivers on these sides of faces, given the triangles and the face of
+    /// each. With both sides the number is that of the face doubled, plus one
+    /// for its back.
     pub fn faces(
         mut triangles: impl Iterator<Item = Triangle>,
         faces: &[u32],
@@ -455,11 +456,11 @@ impl Receivers {
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
-    /// From where its corners go round against the clock.
+    /// The side from which its corners appear counterclockwise.
     Front,
-    /// The other.
+    /// The other side.
     Back,
-    /// Each of them.
+    /// Both sides.
     Both,
 }
 

@@ -31,7 +31,7 @@ use crate::numerics::normalise;
 pub enum Cover {
     /// The same in all directions above the horizon.
     Uniform,
-    /// In proportion to 1 + 2 sin γ at the altitude γ (Moon and Spencer
+    /// Proportional to 1 + 2 sin γ at the altitude γ (Moon and Spencer
     /// 1942; ISO 15469, type 16).
     Overcast,
     /// The same in all directions, also below the horizon.
@@ -46,7 +46,7 @@ pub struct Sky {
     /// How its radiance is distributed.
     pub cover: Cover,
     /// The radiance that a camera sees where it looks past all surfaces,
-    /// in all directions, unless it sees the sky.
+    /// in all directions; if there is none, it sees the sky.
     #[serde(
         rename = "behind",
         default,
@@ -89,8 +89,8 @@ impl Sky {
         self.background.unwrap_or_else(|| self.radiance(direction))
     }
 
-    /// What a surface with this unit normal gets if nothing is in the way,
-    /// in units of what a horizontal one gets: in [0, 1].
+    /// The irradiance of a surface with this unit normal if nothing is in the
+    /// way, relative to that of a horizontal one: in [0, 1].
     pub fn irradiance_ratio(&self, normal: DVec3) -> f64 {
         let cosine = self.zenith.dot(normal).clamp(-1., 1.);
         let uniform = 0.5 + 0.5 * cosine;

@@ -32,8 +32,8 @@ pub struct Accumulator {
 }
 
 impl Accumulator {
-    /// Takes one more value into account; it lies in (-2^39, 2^39). A value
-    /// outside, or NaN, makes the error infinite.
+    /// Adds one more value, which lies in (-2^39, 2^39). A value outside, or
+    /// NaN, makes the error infinite.
     #[inline]
     pub fn add(&mut self, value: f64) {
         self.count += 1;
@@ -54,14 +54,14 @@ impl Accumulator {
         }
     }
 
-    /// Takes the same value into account `count` times.
+    /// Adds the same value `count` times.
     pub fn add_times(&mut self, value: f64, count: u64) {
         let mut one = Self::default();
         one.add(value);
         self.merge_times(&one, count);
     }
 
-    /// Takes all the values of another accumulator into account.
+    /// Adds all the values of another accumulator.
     pub fn merge(&mut self, other: &Self) {
         self.merge_times(other, 1);
     }
@@ -144,7 +144,7 @@ impl Accumulator {
 const UNITS: f64 = (1u128 << 88) as f64;
 const LARGE: f64 = (1u64 << 39) as f64;
 
-/// Adds a number to a sum, times a factor; tells whether the sum overflows.
+/// Adds a number, times a factor, to a sum. Returns whether it overflows.
 #[inline]
 fn accumulate<const N: usize>(
     sum: &mut [u64; N],
@@ -160,7 +160,7 @@ fn accumulate<const N: usize>(
     carry > 0
 }
 
-/// Subtracts it.
+/// Subtracts a number, times a factor, from a sum.
 fn subtract<const N: usize>(
     sum: &mut [u64; N],
     factor: u64,

@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A scene that is ready to be rendered: its sensor, its surfaces, its sky,
-//! its hierarchy, and what is found about them.
+//! its hierarchy, and the findings about them.
 //!
 //! ```
 //! use litpt::host::Host;
@@ -42,11 +42,11 @@ use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
 use crate::sky::{Cover, Sky};
 
-/// What is shown of a scene, what is found about it, and its hierarchy.
+/// A subject, the hierarchy of its scene, and the findings about both.
 pub struct World {
-    /// What is shown.
+    /// The view, the surfaces and the light.
     pub subject: Subject,
-    /// What starts the samples.
+    /// The sensor, which starts the samples.
     pub sensor: Sensor,
     albedos: AlbedoTable,
     /// The map from the coordinates of the file.
@@ -55,17 +55,17 @@ pub struct World {
     pub bvh: Bvh,
     /// The faces that the scene has left out.
     pub left_out: [Vec<u32>; 2],
-    /// What the scene does not need.
+    /// The work that the scene does not need.
     pub analysis: SceneAnalysis,
-    /// What the values of receivers are written with.
+    /// The table for the values of receivers.
     table: Option<Table>,
-    /// What is reported of it: the file, the light, how well the hierarchy
-    /// is built, and the seconds of both.
+    /// The first part of a report: the file, the light, how well the
+    /// hierarchy is built, and the seconds of both.
     pub report: Report,
 }
 
 impl World {
-    /// What the renderers see.
+    /// The view for renderers.
     pub fn view(&self) -> LitView<'_> {
         let Self { subject, sensor, albedos, .. } = self;
         let surfaces = Surfaces::new(albedos, subject.ground);
@@ -73,7 +73,7 @@ impl World {
         LitView { sensor, sky, surfaces, resolution }
     }
 
-    /// The receivers, if there are any, and their table.
+    /// The table and the receivers, if there are any.
     pub fn table(&self) -> Option<(&Table, &Receivers)> {
         match (&self.table, &self.sensor) {
             (Some(table), Sensor::Receivers(receivers)) => {
@@ -91,7 +91,7 @@ impl World {
 }
 
 impl World {
-    /// Prepares a scene as a plan says.
+    /// Prepares a scene according to a plan.
     ///
     /// # Errors
     /// The plan does not suit the scene, or there is too little memory.
@@ -132,7 +132,7 @@ impl World {
         let mut bvh = bvh?;
         bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
         let albedos = AlbedoTable::new(&faces, &bvh)?;
-        // Put receivers in the order of their places
+        // Sort the receivers and finish the world
         if let (Some(table), Sensor::Receivers(receivers)) =
             (&table, &mut sensor)
         {
@@ -173,7 +173,7 @@ impl World {
         Ok(world)
     }
 
-    /// Finds what the scene does not need, unless that would take too long.
+    /// Finds the work that the scene does not need, unless that takes too long.
     fn analyse(&mut self, plan: &Plan, host: Host) {
         let (width, height) = self.subject.sensed.resolution();
         let tiles = f64::from(width) * f64::from(height) / 256.;
@@ -196,7 +196,7 @@ impl World {
         self.analysis = analysis;
     }
 
-    /// Shows the scene, of which this is the mesh, as another plan says; its
+    /// Shows the scene, whose mesh is given, according to another plan; its
     /// materials stay as they were read.
     ///
     /// # Errors
@@ -222,10 +222,10 @@ impl World {
     }
 }
 
-/// Seconds in which a thread looks for the background of a tile, about.
+/// Seconds in which a thread searches a tile for background, about.
 const TILE_SEARCH: f64 = 3e-6;
 
-/// The albedos that have names; warns of materials that are not asked for.
+/// The albedos that have names; warns of materials that are ignored.
 fn named(plan: &Plan, inputs: &Inputs, host: Host) -> Named {
     let surfaces = &plan.surfaces;
     let materials = inputs.materials.clone();
@@ -242,7 +242,7 @@ fn named(plan: &Plan, inputs: &Inputs, host: Host) -> Named {
     Named { named_albedos, band, materials }
 }
 
-/// The receivers that are asked for, if any, and their table.
+/// The receivers of a plan, if it has any, and their table.
 fn asked(
     plan: &Plan,
     inputs: &Inputs,
@@ -273,7 +273,7 @@ fn asked(
     Some((asked, table))
 }
 
-/// What is sensed of a mesh, by receivers or by a camera.
+/// The subject of a plan and a mesh.
 fn subject(
     plan: &Plan,
     mesh: &Mesh,
@@ -305,7 +305,7 @@ fn subject(
     Subject { sensed, albedo, named, sky, ground }
 }
 
-/// The view of a camera, outside the mesh if that is where it stands.
+/// The view of a camera, which may be placed outside the mesh.
 fn view(
     camera: &CameraPlan,
     up: DVec3,
@@ -321,7 +321,7 @@ fn view(
     outside.unwrap_or(view)
 }
 
-/// Says where a camera stands that nobody has placed.
+/// Notes where a camera stands that was placed automatically.
 fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
     let Some(framing) = subject.sensed.camera() else { return };
     if plan.camera().is_none_or(CameraPlan::is_placed) {
@@ -344,7 +344,7 @@ fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
     (host.listen)(Event::Note(note));
 }
 
-/// The sky and the ground in words, and another axis if that looks up.
+/// The sky and the ground in words, and another axis that seems to be up.
 fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
     let Sky { zenith, cover, .. } = subject.sky;
     let mut light =
@@ -371,7 +371,7 @@ fn warn_of_size(triangles: &crate::scene::Triangles, host: Host) {
     }
 }
 
-/// The camera of what is shown.
+/// The camera of a subject.
 fn camera(sensed: &Sensed, frame: &Frame) -> Result<Sensor> {
     let framing = sensed.camera().ok_or("there is no camera")?;
     let (width, height) = framing.resolution;
@@ -381,7 +381,7 @@ fn camera(sensed: &Sensed, frame: &Frame) -> Result<Sensor> {
     Ok(Sensor::Camera(camera, entrance))
 }
 
-/// A guess of the rays of a run.
+/// An estimate of the rays of a run.
 fn rays(plan: &Plan, subject: &Subject, sensor: &Sensor) -> f64 {
     let area = match sensor {
         Sensor::Camera(..) => {
@@ -396,7 +396,7 @@ fn rays(plan: &Plan, subject: &Subject, sensor: &Sensor) -> f64 {
     expected_rays(&budget, plan.surfaces.albedo, area, sensor)
 }
 
-/// Notes how many receivers there are.
+/// Stores the number of receivers, which must suffice for the bands.
 fn check_receivers(
     plan: &Plan,
     table: &Table,

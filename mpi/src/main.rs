@@ -163,7 +163,7 @@ fn abort_on_panic() {
     }));
 }
 
-/// How long rank 0 waits for answers when it is asked to stop.
+/// The time that rank 0 waits for answers when it has to stop.
 const GRACE: Duration = Duration::from_millis(250);
 
 /// Ends the run of the other ranks.
@@ -175,16 +175,16 @@ fn shutdown(status: ExitCode) -> ExitCode {
     status
 }
 
-/// What rank 0 may ask for.
+/// An order of rank 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 enum Order {
-    /// Listen to so many bytes that are told to all.
+    /// Receive so many bytes, which are broadcast.
     Listen(u64),
     /// Learn, with all others.
     Learn,
     /// Render a piece.
     Render(Piece),
-    /// Leave what is not yet rendered.
+    /// Drop the pieces that are not yet rendered.
     Stop,
     /// There is nothing more to do.
     End,
@@ -198,7 +198,7 @@ fn world() -> SimpleCommunicator {
     SimpleCommunicator::world()
 }
 
-/// What will be there after some looks.
+/// Looks again and again, until something is found.
 fn wait_for<T>(look: impl Fn() -> Option<T>) -> T {
     loop {
         match look() {
@@ -214,7 +214,8 @@ static STOPPED: AtomicBool = AtomicBool::new(false);
 /// Whether rank 0 has nothing more to do.
 static ENDED: AtomicBool = AtomicBool::new(false);
 
-/// The next order, if it is there; that to stop is noted and not returned.
+/// The next order, if it is there; the order to stop is recorded and not
+/// returned.
 fn pending_order() -> Option<Order> {
     let found = world().process_at_rank(0).immediate_matched_probe();
     let (text, _) = found?.matched_receive_vec::<u8>();
@@ -248,13 +249,13 @@ fn send_all(order: Order) {
     (1..world().size()).for_each(|rank| send(rank, order));
 }
 
-/// Tells all other ranks some bytes.
+/// Broadcasts some bytes to all other ranks.
 fn tell(bytes: &mut [u8]) {
     send_all(Order::Listen(bytes.len() as u64));
     broadcast(bytes);
 }
 
-/// What rank 0 tells; none if there is nothing more to do.
+/// The bytes that rank 0 broadcasts; none if there is nothing more to do.
 fn hear() -> Option<Vec<u8>> {
     let Order::Listen(n) = wait_for(pending_order) else { return None };
     let mut bytes = vec![0; n as usize];
@@ -284,8 +285,8 @@ struct Piece {
     samples: u64,
 }
 
-/// Two windows of whole tiles of this height that make up this one, if there
-/// are.
+/// Two windows of whole tiles of this height that make up this one; none
+/// if it has a single tile.
 fn halves(window: Window, height: u32) -> Option<[Window; 2]> {
     let turn = |Window { corner: (x, y), size: (width, height) }| Window {
         corner: (y, x),
@@ -316,18 +317,19 @@ fn corners(
     rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
 }
 
-/// A pass over a film: what no rank has got of it, and what has come back.
+/// A pass over a film: the windows that no rank has, and the sums that have
+/// come back.
 struct Pass<'a> {
     film: &'a mut Film,
     /// The samples of each pixel at its end.
     end: u64,
-    /// What no rank has got; the last one is the next.
+    /// The windows that no rank has; the last one is the next.
     windows: Vec<Window>,
     /// Pixels in all of them.
     left: u64,
-    /// The rays of what has come back.
+    /// The rays of the pieces that have come back.
     rays: u64,
-    /// What each rank has done.
+    /// The work of each rank.
     shares: &'a mut [RankStats],
 }
 
@@ -372,7 +374,7 @@ impl<'a> Pass<'a> {
         None
     }
 
-    /// Takes what a rank has rendered.
+    /// Adds what a rank has rendered.
     fn add(&mut self, rank: usize, part: Part) {
         self.film.merge(&part.film);
         self.rays += part.rays;
@@ -380,7 +382,7 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// The sums of a piece, and what its rank has done so far.
+/// The sums of a piece, and the work of its rank so far.
 struct Part {
     film: Film,
     /// The rays of this piece.
@@ -408,13 +410,13 @@ impl Part {
     }
 }
 
-/// What renders the pieces of one rank.
+/// The renderer of the pieces of one rank.
 struct Worker<'a> {
     renderer: Box<dyn Renderer + 'a>,
     run_key: &'a RunKey,
     /// What the pixels show, if a picture is to be filtered.
     shown: Option<Arc<Fragments>>,
-    /// What it has done.
+    /// Its work so far.
     share: RankStats,
     /// The processor time before that.
     before: f64,
@@ -478,7 +480,7 @@ impl Renderer for Leader<'_> {
             busy.join().unwrap_or_default().as_secs_f64()
         });
         let rays = pass.into_inner().map_or(0, |pass| pass.rays);
-        // Tell how long each rank has waited
+        // Compute how long each rank has waited
         self.least = 8. * busy;
         self.own.share.collect_seconds += busy;
         self.shares[0] = self.own.share.clone();
@@ -514,7 +516,7 @@ impl Renderer for Leader<'_> {
     }
 }
 
-/// What two threads share, for this one alone.
+/// Locks what two threads share, for this thread alone.
 fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -522,7 +524,7 @@ fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Answers that are still to come at the end of a run.
 static OUTSTANDING: AtomicUsize = AtomicUsize::new(0);
 
-/// Gives pieces to the other ranks and takes their sums, until all is
+/// Gives pieces to the other ranks and collects their sums, until all is
 /// done or `watch` stops it; returns the time that the sums have taken.
 fn hand_out(pass: &Mutex<Pass>, key: &RunKey, watch: &Watch) -> Duration {
     let mut asked = vec![0; world().size() as usize];
@@ -548,7 +550,7 @@ fn hand_out(pass: &Mutex<Pass>, key: &RunKey, watch: &Watch) -> Duration {
             OUTSTANDING.store(late, Relaxed);
             return busy;
         }
-        // Take the sums of a piece
+        // Receive the sums of a piece
         let began = Instant::now();
         let Some((rank, bytes)) = answer() else {
             thread::sleep(POLL);

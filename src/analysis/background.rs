@@ -13,10 +13,10 @@ use crate::numerics::cross;
 use crate::scene::Triangle;
 use crate::sky::{Cover, Sky};
 
-/// What is known of a tile before it is rendered.
+/// The content of a tile, as far as it is known before the render.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TileContent {
-    /// Nothing: its rays have to be traced.
+    /// Unknown: its rays have to be traced.
     Scene,
     /// No ray from the camera through it meets a triangle.
     Sky,
@@ -24,20 +24,20 @@ pub enum TileContent {
     Constant(f64),
 }
 
-/// What is known of the tiles of an image before the render; by default
-/// nothing.
+/// The contents of the tiles of an image before the render; by default
+/// unknown.
 #[derive(Default)]
 pub struct KnownPixels {
     columns: u32,
-    /// By row and column; none if nothing is known.
+    /// By row and column; empty if nothing is known.
     tiles: Vec<TileContent>,
 }
 
 impl KnownPixels {
-    /// For a render of which nothing is known.
+    /// For a render in advance of which nothing is known.
     pub const NOTHING: &Self = &Self { columns: 0, tiles: vec![] };
 
-    /// What is known of the tile of a pixel.
+    /// The content of the tile of a pixel.
     pub fn content(&self, (x, y): (u32, u32)) -> TileContent {
         let tile = (y / SIDE * self.columns + x / SIDE) as usize;
         self.tiles.get(tile).copied().unwrap_or(TileContent::Scene)
@@ -50,7 +50,7 @@ impl KnownPixels {
         !self.tiles.is_empty() && self.tiles.iter().all(is_constant)
     }
 
-    /// The tiles of an image of this width and height, by their corners.
+    /// The tiles of an image of this width and height, from their corners.
     fn new(
         (width, height): (u32, u32),
         content: impl Fn(u32, u32) -> TileContent + Sync,
@@ -66,9 +66,9 @@ impl KnownPixels {
         Self::new(resolution, |_, _| TileContent::Constant(0.))
     }
 
-    /// The tiles of an image of this width and height that see no triangle
-    /// of an intersector from the point `tip`, where the camera is among
-    /// them.
+    /// The tiles of an image of this width and height in which no triangle of
+    /// an intersector is seen from `tip`, the place of the camera among the
+    /// triangles.
     pub fn background(
         camera: &Camera,
         sky: Sky,
@@ -79,7 +79,7 @@ impl KnownPixels {
         let size = tip.abs().max_element() + 16384.;
         let margin = size / (1u64 << 46) as f64;
         Self::new((width, height), |x, y| {
-            // Find what one tile can see
+            // Find the content of one tile
             // Send rays through the corners of the tile
             let (right, bottom) =
                 ((x + SIDE).min(width), (y + SIDE).min(height));
@@ -148,6 +148,6 @@ impl KnownPixels {
     }
 }
 
-/// The least distance of unit vectors from a plane that tells on which
-/// side of it they are: 2^-40.
+/// The least distance of unit vectors from a plane at which their side is
+/// certain: 2^-40.
 const FLAT: f64 = 1. / (1u64 << 40) as f64;

@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Whether the camera is inside a closed surface.
 //!
-//! That is decided by signs that rounding cannot change.
+//! The decision depends on signs that rounding cannot change.
 
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -25,11 +25,11 @@ pub(crate) fn lets_out(entrance: &Entrance, bvh: &Bvh) -> bool {
     })
 }
 
-/// Rays that are tried.
+/// The number of rays to try.
 const RAYS: usize = 4096;
 
 /// Whether a half line from a point crosses a triangle: positive if so,
-/// negative if its extension does, zero if it cannot be told.
+/// negative if its extension does, zero if that is uncertain.
 fn crossing(&[a, b, c]: &Triangle, point: DVec3) -> Option<f64> {
     if is_touched([a, b, c], point) {
         return Some(0.);
@@ -49,11 +49,11 @@ fn crossing(&[a, b, c]: &Triangle, point: DVec3) -> Option<f64> {
 /// The direction of the half line.
 const AHEAD: DVec3 = DVec3::new(0.141_592_7, 0.653_589_8, 0.793_238_5);
 
-/// More than this part of the product of three lengths has a certain sign:
-/// 2^-40.
+/// A volume above this part of the product of three lengths has a certain
+/// sign: 2^-40.
 const CLEAR: f64 = 1. / (1u64 << 40) as f64;
 
-/// Whether a point is hardly away from a triangle, or on it.
+/// Whether a point is on a triangle, or hardly away from it.
 fn is_touched([a, b, c]: [DVec3; 3], point: DVec3) -> bool {
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let beyond = (low - point).max(point - high).max_element();
@@ -67,7 +67,7 @@ fn is_touched([a, b, c]: [DVec3; 3], point: DVec3) -> bool {
 /// Closer than this counts as touching: 2^-20.
 const SLACK: f64 = 1. / (1 << 20) as f64;
 
-/// The triangle that stands for the part of `i`.
+/// The triangle that represents the part of `i`.
 fn find(part: &mut [u32], mut i: u32) -> u32 {
     while part[i as usize] != i {
         part[i as usize] = part[part[i as usize] as usize];

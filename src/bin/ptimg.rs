@@ -169,8 +169,8 @@ struct Output {
 }
 
 impl Output {
-    /// The target of an image, which on standard output has the format that
-    /// was asked for, or the usual one.
+    /// The target of an image, which on standard output has the requested
+    /// format, or the usual one.
     fn target(&self, path: &Path, usual: Format) -> Result<Target> {
         if descriptor(path).is_none() && self.format.is_some() {
             let fault = "--format is for standard output; the name of a file \
@@ -181,8 +181,8 @@ impl Output {
         Ok((format, OutputTarget::file(path, self.force)?))
     }
 
-    /// Those of all outputs, each in one of these formats; the first one is
-    /// usual.
+    /// The targets of all outputs, each in one of these formats; the first
+    /// format is usual.
     fn targets(&self, formats: &[Format]) -> Result<Vec<Target>> {
         let target = |path: &PathBuf| {
             let target = self.target(path, formats[0])?;
@@ -203,16 +203,16 @@ impl Output {
     }
 }
 
-/// Where an image goes, and in which format.
+/// The target of an image, and its format.
 type Target = (Format, OutputTarget);
 
 /// The formats of levels, which show an image.
 const GREY: [Format; 2] = [Format::Pgm, Format::Png];
 
-/// Those that have colours.
+/// The formats that have colours.
 const COLOUR: [Format; 2] = [Format::Png, Format::Exr];
 
-/// The formats of levels and those of numbers.
+/// The formats of levels, then the formats of numbers.
 const ALL: [Format; 4] =
     [Format::Pgm, Format::Png, Format::Pfm, Format::Exr];
 
@@ -273,8 +273,8 @@ fn write((format, target): &Target, image: &Image) -> Result<()> {
     target.write(&mut |out| format.write(image, out))
 }
 
-/// The stops for an image: those that its run has found, or what its pixels
-/// tell.
+/// The stops for an image: those that its run has found, or those that suit
+/// its pixels.
 fn stops(exposure: Exposure, image: &Image) -> f64 {
     let found = image.attributes.get(AUTO_EXPOSURE);
     let found = found.and_then(|text| text.parse().ok());
@@ -410,7 +410,7 @@ fn merge(
     output.write(&convergence, &merged.film, None)
 }
 
-/// Reads an image and warns of what is not as it should be.
+/// Reads an image and warns of its faults.
 fn read(path: &Path) -> Result<Image> {
     Image::read_noting(path, &mut progress::warn)
 }
@@ -443,8 +443,8 @@ fn inform(files: &[PathBuf], json: bool) -> Result<()> {
     Ok(())
 }
 
-/// What there is to know of an image, each by its name. The sums are those
-/// of pixels whose means are finite numbers.
+/// The facts about an image, each with its name. The sums are over the
+/// pixels whose means are finite numbers.
 fn facts(path: &Path, image: &Image) -> [(&'static str, Value); 13] {
     // Sum the squares of the errors
     let is_finite = |&i: &usize| image.means[i].is_finite();
@@ -518,7 +518,7 @@ fn diff(files: [&Path; 2], to: &Output, quiet: bool) -> Result<ExitCode> {
     }
     if !quiet {
         let mut lines = vec![];
-        // Report what the comparison takes for granted
+        // Report the assumptions of the comparison
         let differing =
             disagreements(&first.attributes, &second.attributes);
         if !differing.is_empty() {

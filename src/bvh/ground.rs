@@ -10,26 +10,26 @@ use glam::DVec3;
 use super::intersector::Hit;
 use crate::scene::Ray;
 
-/// Stands for the ground in the place of a triangle; what is larger stands
-/// for no surface.
+/// The number of the ground in the place of a triangle's; larger numbers
+/// are of no surface.
 pub const GROUND: u32 = u32::MAX - 1;
 
-/// A plane that is perpendicular to the zenith, below all triangles.
+/// A plane perpendicular to the zenith, below all triangles.
 pub struct Ground {
     zenith: DVec3,
     /// Its height over the origin of the scene.
     height: f64,
 }
 
-/// A hit on the ground is no farther away: 2^32.
+/// The largest distance of a hit on the ground: 2^32.
 const FARTHEST: f64 = (1u64 << 32) as f64;
 
 /// How far the ground is below the lowest corner: 2^-16.
 const BELOW: f64 = 1. / (1u64 << 16) as f64;
 
 impl Ground {
-    /// The ground under a scene, given the height of its lowest corner, and
-    /// the unit vector to the zenith.
+    /// The ground under a scene with its lowest corner at this height, and
+    /// with this unit vector to the zenith.
     pub fn under(lowest: f64, zenith: DVec3) -> Self {
         Self { zenith, height: lowest - BELOW }
     }
@@ -44,7 +44,7 @@ impl Ground {
         (fall > 0.).then_some(hit)
     }
 
-    /// How far below a point the ground is.
+    /// The height of a point above the ground.
     pub fn below(&self, point: DVec3) -> f64 {
         self.zenith.dot(point) - self.height
     }

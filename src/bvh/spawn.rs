@@ -1,10 +1,10 @@
 // Tangled from chapters/spawn.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! From the nearest triangle to a hit, from whose point a path goes on.
+//! From the nearest triangle to a hit, and the point where a path goes on.
 //!
 //! The point is on the same side of all triangles as the ray that found
-//! it, and not nearer to any of them than the errors of the next ray.
+//! it, and farther from each of them than the errors of the next ray.
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
@@ -21,14 +21,15 @@ use super::wide::Wide;
 use crate::numerics::cross;
 use crate::scene::{Ray, Triangle, Triangles};
 
-/// Other triangles this close to a hit make it doubtful, times `clear`.
+/// Another triangle closer to a hit than this makes it doubtful; in
+/// units of `clear`.
 const CLOSE_BY: f64 = 4.;
 
-/// A ray that is longer than this part of the size for all triangles has
-/// risen by more than 2 `CLOSE_BY`, times `clear`: 2^-17.
+/// A ray longer than this part of the size for all triangles has risen
+/// by more than 2 `CLOSE_BY` in units of `clear`: 2^-17.
 const SHORT: f64 = 1. / (1u64 << 17) as f64;
 
-/// How far from a hit a triangle may be to be around it, as part of the
+/// How far a triangle may be from a hit around it, as a part of the
 /// size: 2^-33.
 const AROUND: f64 = 1. / (1u64 << 33) as f64;
 
@@ -37,11 +38,10 @@ fn twice_close_by(size: f64) -> f64 {
     2. * CLOSE_BY * clear(size)
 }
 
-/// The same for a point before the hit, and those that may be in the way:
-/// 2^-38.
+/// The same for triangles that may forbid a point before the hit: 2^-38.
 const AHEAD: f64 = 1. / (1u64 << 38) as f64;
 
-/// The hit of `ray`, which left the triangle `left`, on the nearest one.
+/// The hit of `ray`, which left the triangle `left`, from its search.
 #[inline(always)]
 pub fn hit<const N: usize>(
     wide: &Wide<N>,
@@ -92,12 +92,12 @@ struct Arrival<'a, const N: usize> {
     wide: &'a Wide<N>,
     ray: &'a Ray,
     distance: f64,
-    /// Where the ray meets the triangle that is hit, and others may be
-    /// close to it; by the size of that triangle at least.
+    /// The point where the ray meets the triangle that is hit, and how far
+    /// others may be from it, at least by the size of that triangle.
     around: Around,
     /// The slot of the triangle that is hit.
     primitive: u32,
-    /// That of the triangle which the ray left, if it left one.
+    /// The slot of the triangle that the ray left, if it left one.
     left: Option<u32>,
 }
 
@@ -121,15 +121,15 @@ impl<const N: usize> Arrival<'_, N> {
         })
     }
 
-    /// Whether a triangle other than that of the hit and that which the ray
-    /// left may be close to the hit.
+    /// Whether a triangle may be close to the hit, other than the triangle
+    /// that is hit and the one that the ray left.
     fn is_close(&self, shear: &Shear) -> bool {
         let gap = |at: f64| at - self.distance;
         let asked = |leaf: &Leaf, place, corners: &Triangle, size: f64| {
             let (lane, slot) = place;
             let size = size.max(self.around.least);
             let close_by = CLOSE_BY * clear(size);
-            // Dismiss a triangle whose plane is not close
+            // Reject a triangle whose plane is not close
             let &[a, b, c] = corners;
             let normal = cross(b - a, c - a);
             let height = normal.dot(self.around.point - a).abs();
@@ -212,15 +212,15 @@ impl<const N: usize> Arrival<'_, N> {
 /// The surroundings of a point of a ray.
 struct Around {
     point: DVec3,
-    /// The part of a triangle's size by which its box may be away.
+    /// How far away the box of a triangle may be, as a part of its size.
     part: f64,
-    /// Or it may be away by twice what is close by for this size.
+    /// Or twice the distance that is close by for this size.
     least: f64,
 }
 
 impl Around {
-    /// Whether `asked` is true of a triangle around the point: of a lane
-    /// of a leaf, its slot, its corners, and their size.
+    /// Whether `asked` is true of a triangle around the point. It gets the
+    /// lane in a leaf, the slot, the corners, and their size.
     fn any<const N: usize>(
         &self,
         wide: &Wide<N>,
@@ -264,8 +264,8 @@ impl Around {
         height <= twice_close_by(size) * normal.length()
     }
 
-    /// Whether the line of the ray passes by a box as closely as by a
-    /// triangle that matters.
+    /// Whether the line of the ray passes a box as closely as it has to pass
+    /// a triangle that matters.
     fn comes_near(&self, low: DVec3, high: DVec3, ray: &Ray) -> bool {
         let size = self.size(&[low, low, high], ray);
         let aside = twice_close_by(size.max(self.least));
@@ -275,9 +275,9 @@ impl Around {
     }
 }
 
-/// Whether a plane that is perpendicular to that of a triangle or to the
-/// way from a corner is between the triangle and a point, and `clear`
-/// from the point.
+/// Whether a plane separates a triangle from a point, `clear` away from
+/// the point: a plane through an edge, perpendicular to the triangle's, or
+/// through a corner, perpendicular to the way from there to the point.
 fn is_beside(
     [a, b, c]: Triangle,
     normal: DVec3,
@@ -298,8 +298,8 @@ fn is_beside(
     triples.into_iter().any(off_edge) || triples.into_iter().any(off_corner)
 }
 
-/// How many triangles are so small, beside the largest or the extent of
-/// the scene, that the precision of a double limits how they are lit.
+/// The number of triangles so small, compared with the largest or with the
+/// extent of the scene, that double precision limits how they are lit.
 pub fn too_small(triangles: &Triangles) -> usize {
     let side = |[a, b, c]: Triangle| {
         (a.max(b).max(c) - a.min(b).min(c)).max_element()
@@ -316,18 +316,18 @@ pub fn too_small(triangles: &Triangles) -> usize {
     sides().filter(|&side| side < FINEST * clear).count()
 }
 
-/// The least size of a triangle, in heights at which paths go on above
-/// the largest: 2^7.
+/// The least size of a triangle, in units of the height at which paths go
+/// on above the largest: 2^7.
 const FINEST: f64 = 128.;
 
-/// A point on a triangle, lifted on the side of this normal by 2^-32 of the
-/// size of the triangle, where no ray is in doubt about it.
+/// A point on a triangle, lifted on the side of this normal by 2^-32 of
+/// the triangle's size, where no ray is in doubt about it.
 pub fn lifted(corners: &Triangle, point: DVec3, normal: DVec3) -> DVec3 {
     let height = normal.dot(point - corners[0]);
     point + normal * (8. * near(seen(corners, point)) - height)
 }
 
-/// Whether a triangle may be this close to a point.
+/// Whether a triangle may be this close to a point or closer.
 pub fn is_within(corners: &Triangle, point: DVec3, reach: f64) -> bool {
     let &[a, b, c] = corners;
     let normal = cross(b - a, c - a);

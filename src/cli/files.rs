@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The files of a run: those that it will write, none of them touched yet,
-//! and the image that it is compared with.
+//! and the reference image.
 
 use std::path::{Path, PathBuf};
 
@@ -42,10 +42,10 @@ pub fn open(plan: &Plan) -> Result<Vec<(Product, OutputTarget)>> {
     files.iter().map(open).collect()
 }
 
-/// The image that a plan is compared with, if there is one.
+/// The reference image of a plan, if there is one.
 ///
 /// # Errors
-/// It cannot be read whole, or is not as large as ours.
+/// It cannot be read whole, or has another size than ours.
 pub fn reference(plan: &Plan) -> Result<Option<Image>> {
     let (Some(path), Some(camera)) = (&plan.reference, plan.camera())
     else {
@@ -82,7 +82,7 @@ pub fn reference(plan: &Plan) -> Result<Option<Image>> {
 /// Refuses a reference that shows something else than a world.
 ///
 /// # Errors
-/// It does; what differs is named.
+/// It does; the differences are named.
 pub fn check_reference(
     plan: &Plan,
     reference: Option<&Image>,
@@ -106,6 +106,6 @@ pub extern "C" fn keep_the_place() {
     // SAFETY: the calls take numbers and a constant text.
     let closed = || unsafe { libc::fcntl(1, libc::F_GETFD) } < 0;
     let null = c"/dev/null".as_ptr();
-    // The first number that is free may be that of standard input.
+    // The first free number may be standard input's.
     while closed() && unsafe { libc::open(null, libc::O_RDONLY) } >= 0 {}
 }

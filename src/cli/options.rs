@@ -56,13 +56,13 @@ pub struct SceneOptions {
           help_heading = None)]
     pub scene: Option<PathBuf>,
 
-    /// The scene, as FILE alone
+    /// Wavefront OBJ, like the argument FILE
     #[arg(short, long, value_name = "FILE", overrides_with = "scene")]
     pub input: Option<PathBuf>,
 
     /// Albedo of all surfaces, between 0 and 1, or of a material, group or
-    /// object of the file, as in floor=0.2; may be repeated [default: 1];
-    /// pictures alone have the materials of the file, or 0.7
+    /// object of the file, as in floor=0.2; may be repeated [default: 1; if only
+    /// pictures are written, the materials of the file, or 0.7]
     #[arg(short = 'r', long = "albedo", visible_alias = "reflectivity",
           value_name = "[NAME=]ALBEDO", value_parser = parse_named_albedo)]
     pub albedos: Vec<(String, f64)>,
@@ -88,8 +88,8 @@ pub struct SceneOptions {
     #[arg(long, value_name = "X,Y,Z|x|y|z", value_parser = parse_direction)]
     pub zenith: Option<DVec3>,
 
-    /// Albedo of an endless ground below the scene [default: none]; pictures alone
-    /// have one of 0.3, and 0 hides it
+    /// Albedo of an endless ground below the scene; 0 hides it [default: none;
+    /// 0.3 if only pictures are written]
     #[arg(long, value_name = "ALBEDO", value_parser = parse_albedo)]
     pub ground: Option<f64>,
 }
@@ -112,14 +112,14 @@ pub struct SensorOptions {
     pub target: Option<DVec3>,
 
     /// Up axis of the camera; its largest component tells where the sky is,
-    /// unless --zenith does [default: 0,0,1]; pictures alone have the one that
-    /// looks so
+    /// unless --zenith does [default: 0,0,1; if only pictures are written, the
+    /// axis that looks right]
     #[arg(short, long, value_name = "X,Y,Z|x|y|z",
           value_parser = parse_direction)]
     pub up: Option<DVec3>,
 
     /// Vertical field of view in degrees, strictly between 0 and 180
-    /// [default: 70]; pictures alone, from outside, have 35
+    /// [default: 70; 35 from outside, if only pictures are written]
     #[arg(short = 'F', long, value_name = "DEGREES",
           value_parser = only(parse_real, |&x| x > 0. && x < 180., ANGLE))]
     pub fov: Option<f64>,
@@ -181,8 +181,8 @@ pub struct SensorOptions {
 #[command(next_help_heading = "Samples and when to stop")]
 pub struct LimitOptions {
     /// Samples (paths) per pixel [default: 1] or receiver [default: 1024]; an
-    /// upper bound with --time or --error; pictures alone go on until their error
-    /// is 1 % of the mean, at most 10 s
+    /// upper bound with --time or --error; if only pictures are written, the
+    /// default is an error of 1 % of the mean, or 10 s
     #[arg(short = 'n', long = "spp", visible_alias = "realisations",
           value_name = "N",
           value_parser = only(parse_whole, |&n| n > 0, SAMPLES))]
@@ -213,9 +213,9 @@ pub struct LimitOptions {
     )]
     pub largest: bool,
 
-    /// Sampling method: reference, paths of independent numbers; sobol, the same
-    /// paths placed by scrambled nets; gather, into a corrected cache of
-    /// radiance; auto picks the fastest from a short pilot
+    /// Sampling method: reference, paths with independent random numbers; sobol,
+    /// the same paths with scrambled Sobol points; gather, rays into a corrected
+    /// cache of radiance; auto picks the fastest from a short pilot
     #[arg(long, value_name = "METHOD", default_value = "auto",
           hide_possible_values = true, value_parser = parse_method)]
     pub integrator: RequestedMethod,
@@ -250,15 +250,15 @@ pub struct OutputOptions {
     #[arg(long, conflicts_with = "receivers")]
     pub preview: bool,
 
-    /// Stops by which .png and pages are brighter, or auto: what is not sky fills
-    /// the scale [default: 0; auto for pages and for a picture that is not
-    /// named]
+    /// Brighten .png and .html by this many stops, or auto, by which all but the
+    /// sky fills the scale [default: 0; auto for .html and for a picture that is
+    /// not named]
     #[arg(long, value_name = "STOPS|auto", value_parser = Exposure::parse,
           conflicts_with = "receivers")]
     pub exposure: Option<Exposure>,
 
-    /// Show the noise of gathers and nets in .png and .html, and write no
-    /// filtered channels in .exr
+    /// Do not filter the noise of .png and .html, and write no filtered channels
+    /// in .exr
     #[arg(long)]
     pub no_filter: bool,
 
@@ -285,13 +285,13 @@ pub struct PartOptions {
           value_parser = only(parse_real, |&x| x > 0., POSITIVE))]
     pub checkpoint_interval: Option<f64>,
 
-    /// Go on from a checkpoint, as its run was begun; only limits, what is written
-    /// and how it is executed may be given anew
+    /// Resume the run that was saved in a checkpoint; only limits, what is
+    /// written and how it is executed may be changed
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 
     /// Render only the samples A to B - 1 of the N of --spp: a part of a run
-    /// for ptimg merge; 0..0 has no sample, and only learns
+    /// for ptimg merge; 0..0 has no sample, and only trains the cache
     #[arg(long = "samples", value_name = "A..B", value_parser = parse_range)]
     pub range: Option<(u64, u64)>,
 
@@ -326,7 +326,7 @@ pub struct ExecutionOptions {
     #[arg(long, value_name = "ISA", hide_possible_values = true)]
     pub isa: Option<Isa>,
 
-    /// Disable shortcuts: leave nothing out that the scene does not need
+    /// Disable shortcuts: do all work, also where it cannot change the image
     #[arg(long, alias = "keep-all")]
     pub no_shortcuts: bool,
 
@@ -346,7 +346,7 @@ pub struct ExecutionOptions {
     pub quiet: bool,
 }
 
-/// What the numbers mean, and how they are asked for.
+/// What the numbers mean, and how to get them.
 const EXAMPLES: &str = "\
 A pixel is the mean radiance that arrives through it, in units of that of the
 uniform sky; the value of a receiver is the irradiance, in units of that of a
@@ -367,7 +367,7 @@ before --error was reached; 1 if something failed; 2 if the command line is
 wrong; 128 + N if signal N ended the run. Once rendering has begun, SIGINT,
 SIGTERM, SIGHUP, SIGXCPU, SIGUSR1 and SIGUSR2 leave an image.";
 
-/// What ends the help of each program.
+/// The last paragraph of each program's help.
 pub const LICENCE: &str = "\
 Copyright (C) 2026 litpt contributors.
 Licence GPLv3+: GNU GPL version 3 or later. This is free software: you are
@@ -388,12 +388,12 @@ pub enum Error {
     Failure(#[from] crate::error::Error),
 }
 
-/// That a command line is wrong.
+/// The error of a wrong command line.
 pub fn usage(fault: impl Display, program: &str) -> Error {
     Error::Usage(format!("{fault} (see {program} --help)"))
 }
 
-/// A fault in words, with the option instead of the name of a value.
+/// A fault in words, with the option in place of the name of a value.
 pub fn by_option(error: &crate::error::Error) -> String {
     match error {
         crate::error::Error::Value { name, fault, .. }
@@ -437,7 +437,7 @@ pub fn parse_words<P: Parser>(
     })
 }
 
-/// The one line that says what is wrong with the command line.
+/// One line that describes the fault of the command line.
 fn one_line(error: &clap::Error) -> String {
     let text = error.to_string();
     let mut parts = text.split("\n\n");
@@ -465,7 +465,6 @@ impl Options {
     pub fn parse(
         words: impl IntoIterator<Item = impl Into<OsString> + Clone>,
     ) -> Result<Self, Error> {
-        // Refuse a side that is a word of its own
         let words: Vec<OsString> =
             words.into_iter().map(Into::into).collect();
         let is_side = |word| ["front", "back", "both"].contains(&word);

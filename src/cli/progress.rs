@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! What the user reads on standard error.
+//! Messages and a bar for the user, on standard error.
 
 use std::fmt;
 use std::io::Write;
@@ -24,38 +24,37 @@ fn print(colour: AnsiColor, mark: &str, message: &str) {
 /// Whether nothing but errors is printed.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// Whether from now on nothing but errors is printed, and no line is drawn.
+/// Sets whether nothing but errors is printed, and no line is drawn.
 pub fn set_quiet(is_quiet: bool) {
     QUIET.store(is_quiet, Ordering::Relaxed);
 }
 
-/// Whether the program has been hushed.
+/// Whether the program is quiet.
 pub fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// Tells the user something that is good to know.
+/// Informs the user.
 pub fn inform(message: &str) {
     if !is_quiet() {
         print(AnsiColor::Green, ">", message);
     }
 }
 
-/// Tells the user that something may not be what it seems.
+/// Warns the user that something may not be what it seems.
 pub fn warn(message: &str) {
     if !is_quiet() {
         print(AnsiColor::Yellow, "warning:", message);
     }
 }
 
-/// Tells the user why the program stops.
+/// Prints why the program stops.
 pub fn error(message: &str) {
     print(AnsiColor::Red, "error:", message);
 }
 
-/// How much of a run is done, in per cent: the share of the paths that are
-/// expected, or that of the seconds to which it is limited, whichever is
-/// larger.
+/// The percentage of a run that is done: of the expected paths, or of the
+/// seconds to which it is limited, whichever is larger.
 pub fn percent(
     (paths, expected): (u64, Option<u64>),
     (seconds, limit): (f64, Option<f64>),
@@ -74,8 +73,8 @@ pub fn bar(percent: usize, places: usize) -> String {
     format!("[{bar:places$}] {percent}%")
 }
 
-/// The seconds that have passed, with their limit or the time that remains,
-/// if that is known.
+/// The elapsed seconds, with their limit or the remaining time, if it is
+/// known.
 pub fn time(
     (seconds, limit): (f64, Option<f64>),
     remains: Option<Duration>,
@@ -124,8 +123,8 @@ pub fn render_bar(start: Instant, limit: Option<f64>) -> ProgressBar {
     line(style.with_key("done", done).with_key("pace", pace))
 }
 
-/// Has a bar say how much of a `unit` there is and will be, if that can be
-/// foreseen, and what is known by now.
+/// Updates a bar: how much of a `unit` is done, how much there will be, if
+/// that can be predicted, and the text.
 pub fn update(
     bar: &ProgressBar,
     (done, total): (u64, Option<u64>),
@@ -144,14 +143,13 @@ pub fn update(
     bar.set_message(text);
 }
 
-/// Says that the run has been asked to stop.
+/// Shows that the run is stopping.
 pub fn answer(bar: &ProgressBar) {
     bar.set_style(style("stopping"));
     bar.suspend(|| inform("finishing; a second signal aborts"));
 }
 
-/// A line that says what is done before a render; `total` is how much of it
-/// there is.
+/// A line on the work before a render; `total` is how much of it there is.
 pub fn step(what: String, total: Option<u64>) -> ProgressBar {
     let step = line(style(match total {
         Some(_) => "{msg}: {percent}%, {elapsed}",

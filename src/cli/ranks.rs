@@ -56,7 +56,7 @@ pub fn start_threads(plan: &Plan) -> Result<()> {
         .map_err(|e| format!("cannot start threads: {e}").into())
 }
 
-/// Renders for the process that leads, until it has nothing more to do.
+/// Renders for the leading process until it has nothing more to do.
 ///
 /// # Errors
 /// The scene cannot be rendered here, or the first process has ended.

@@ -1,8 +1,8 @@
 // Tangled from chapters/options.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! From what was typed to a plan: each default is resolved here, and what
-//! does not fit together is refused.
+//! From what was typed to a plan: each default is resolved here, and
+//! options that contradict each other are refused.
 
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ use crate::state::shards::is_state_name;
 struct Change(Option<&'static str>);
 
 impl Change {
-    /// Sets a value that was typed, if it was.
+    /// Sets a value if another one was typed.
     fn set<T: PartialEq>(
         &mut self,
         option: &'static str,
@@ -43,12 +43,12 @@ impl Change {
 }
 
 impl Options {
-    /// The plan of a run, of which a part may have been saved; a picture that
-    /// is not named is a PNG beside the scene if standard output is a
+    /// The plan of a run, whose plan may have been saved; without a named
+    /// output, a picture is a PNG next to the scene if standard output is a
     /// terminal.
     ///
     /// # Errors
-    /// Options do not fit together, or may not change what was saved.
+    /// Options contradict each other, or may not change what was saved.
     pub fn plan(
         &self,
         saved: Option<&Plan>,
@@ -77,7 +77,7 @@ impl Options {
             }
             Some(_) => self.go_on(&mut plan.outputs, files),
         }
-        // Refuse a plan that cannot be
+        // Reject an invalid plan
         if let Some(misfit) = self.misfit(&plan) {
             return Err(usage(misfit, "pt"));
         }
@@ -85,8 +85,8 @@ impl Options {
         Ok(plan)
     }
 
-    /// Takes what decides samples, and returns the first option that has
-    /// changed something.
+    /// Merges what decides samples, and returns the first option that has
+    /// changed a value.
     fn decide_samples(&self, plan: &mut Plan) -> Option<&'static str> {
         let Self { scene, sensor, limits, parts, .. } = self;
         let (mut change, surfaces) = (Change(None), &mut plan.surfaces);
@@ -102,7 +102,7 @@ impl Options {
         change.set("band", &mut surfaces.band, scene.band.map(Some));
         let materials = scene.materials.then_some(Some(true));
         change.set("materials", &mut surfaces.materials, materials);
-        // Take the sky and the axis that is up
+        // Set the sky and the up axis
         let sky = &mut plan.sky;
         change.set("sky", &mut sky.cover, scene.sky);
         change.set("ground", &mut sky.ground, scene.ground.map(Some));
@@ -118,7 +118,7 @@ impl Options {
         change.0
     }
 
-    /// Takes what senses the light.
+    /// Merges what senses the light.
     fn sense(&self, plan: &mut Plan, change: &mut Change) {
         let typed = &self.sensor;
         let radiosity = typed.radiosity;
@@ -134,7 +134,7 @@ impl Options {
             (sensor, points) => change.set("points", sensor, points),
         }
         let SensorPlan::Camera(camera) = &mut plan.sensor else { return };
-        // Take the camera
+        // Set the camera
         let View { mut position, mut target, .. } = camera.view(DVec3::Z);
         change.set("position", &mut position, typed.position);
         change.set("target", &mut target, typed.target);
@@ -152,7 +152,7 @@ impl Options {
         change.set("background", &mut camera.background, background);
     }
 
-    /// Takes what decides no sample.
+    /// Merges what decides no sample.
     fn execute(&self, plan: &mut Plan) {
         let Self { scene, limits, outputs, parts, execution, .. } = self;
         if let Some(path) = scene.scene.as_ref().or(scene.input.as_ref()) {
@@ -176,7 +176,7 @@ impl Options {
             interval.unwrap_or(new.checkpoint_interval);
     }
 
-    /// Takes when the run ends, and which part of it there is.
+    /// Merges when the run ends, and which part of it is rendered.
     fn limit(&self, plan: &mut Plan) {
         let &LimitOptions { samples, time, error, largest, .. } =
             &self.limits;
@@ -188,7 +188,7 @@ impl Options {
         plan.part = self.part(plan).or(plan.part);
     }
 
-    /// The part of a run, which may be one already; none without -n.
+    /// The part of a run, which may have been saved; none without -n.
     fn part(&self, plan: &Plan) -> Option<Part> {
         let (saved, parts) = (plan.part, &self.parts);
         let is_part = parts.range.is_some() || parts.tiles.is_some();
@@ -202,7 +202,7 @@ impl Options {
         Some(Part { samples, of, band: band.unwrap_or((1, 1)) })
     }
 
-    /// Takes what a new run writes.
+    /// Sets what a new run writes.
     fn begin(
         &self,
         plan: &mut Plan,
@@ -221,8 +221,8 @@ impl Options {
         plan.outputs.files = files;
     }
 
-    /// Takes the defaults of a run that leaves nothing but pictures, and
-    /// notes them in words.
+    /// Sets the defaults of a run that writes only pictures, and lists them
+    /// in words.
     fn show(&self, plan: &mut Plan) {
         let Self { scene, sensor, limits, .. } = self;
         let SensorPlan::Camera(camera) = &mut plan.sensor else { return };
@@ -256,7 +256,7 @@ impl Options {
         plan.outputs.defaults = said.join(", ");
     }
 
-    /// The files that are typed, and what they hold: first images or values,
+    /// The files that are typed, with their contents: first images or values,
     /// standard output if none is named; then the state; then reports.
     fn files(&self, plan: &Plan) -> Result<Vec<(Product, PathBuf)>, Error> {
         let (named, reports) = (&self.outputs.output, &self.outputs.report);
@@ -304,7 +304,7 @@ impl Options {
         Ok(files.collect::<error::Result<_>>()?)
     }
 
-    /// Takes the files that are typed, and keeps the others.
+    /// Merges the files that are typed, and keeps the others.
     fn go_on(&self, plan: &mut Outputs, typed: Vec<(Product, PathBuf)>) {
         let Self { outputs, parts, .. } = self;
         let is_new = |(product, _): &(Product, PathBuf)| match product {
@@ -324,7 +324,7 @@ impl Options {
         }
     }
 
-    /// What does not fit together, if anything.
+    /// A contradiction between options, if there is one.
     fn misfit(&self, plan: &Plan) -> Option<&'static str> {
         let Self { outputs, parts, .. } = self;
         let state = plan.outputs.of(|p| p == Product::State).next();
@@ -349,7 +349,7 @@ impl Options {
         Some(fault)
     }
 
-    /// What does not fit together of a part of a run, if it is one.
+    /// A contradiction in the options of a part, if the run is one.
     fn misfit_of_parts(&self, plan: &Plan) -> Option<&'static str> {
         let shows = |product| product != Product::State;
         let typed =

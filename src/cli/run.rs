@@ -1,7 +1,7 @@
 // Tangled from chapters/program.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The way of a command: from its words to its files.
+//! A command, from its words to its files.
 
 use std::collections::BTreeSet;
 use std::env;
@@ -52,7 +52,7 @@ pub fn main_with(ranks: &dyn Ranks) -> ExitCode {
     done.map_or_else(fail, |stop| status(stop, 0).into())
 }
 
-/// Says why a program ends, and with which status.
+/// Prints why a program ends; returns its exit status.
 pub fn fail(error: Error) -> ExitCode {
     let error = match error {
         Error::Help(text) => match print(&text) {
@@ -74,7 +74,7 @@ fn print(text: &StyledStr) -> Result<()> {
     })
 }
 
-/// Has the allocator give each dropped array back to the system if it is
+/// Makes the allocator return each dropped array to the system if it is
 /// larger than a quarter of a megabyte.
 #[cfg(target_env = "gnu")]
 fn give_arrays_back() {
@@ -87,7 +87,7 @@ fn run(
     start: Instant,
     ranks: &dyn Ranks,
 ) -> Result<Stop, Error> {
-    // Resolve what was typed
+    // Resolve the options
     let resume = options.parts.resume.as_deref();
     let state = resume.map(Checkpoint::of_file).transpose()?;
     let saved = state.as_ref().map(|s| s.record.plan.clone().restored());
@@ -119,7 +119,7 @@ fn run(
     }
     let world = World::new(&plan, inputs, host)?;
     files::check_reference(&plan, reference.as_ref(), &world)?;
-    // Choose how samples are made, and make them
+    // Prepare the run and render it
     let history = History { state, cache };
     let start = picture_error.map_or(start, |_| Instant::now());
     let host = Host { start, ..host };
@@ -149,7 +149,7 @@ fn unnamed<'a>(options: &Options, plan: &'a Plan) -> Option<&'a Path> {
     plan.outputs.of(is_image).next().filter(|_| !is_named)
 }
 
-/// That an image was not named.
+/// Reports that an image goes to standard output.
 const TO_STANDARD_OUTPUT: &str = "the image goes to standard output, as \
                                   numbers; for a PNG say -o NAME.png";
 
@@ -169,7 +169,7 @@ fn answer(text: &str) -> Result<Stop> {
     Ok(Stop::Samples)
 }
 
-/// What can be left out, and what the rest is made of.
+/// Describes what can be left out, and what renders the rest.
 fn describe(plan: &Plan, world: &World, run: &Run) -> String {
     let analysis = &world.analysis;
     let mut lines = String::new();
@@ -194,7 +194,7 @@ fn describe(plan: &Plan, world: &World, run: &Run) -> String {
 struct Files<'a> {
     targets: Vec<(Product, OutputTarget)>,
     reference: Option<Image>,
-    /// The image that is written though it was not named.
+    /// The file of an image without a name.
     shown: Option<&'a Path>,
 }
 
@@ -207,7 +207,7 @@ fn render(
     watchdog: &Watchdog,
 ) -> Result<Stop> {
     let (mut film, mut convergence) = run.film(state)?;
-    // Begin with a glance
+    // Render a first picture
     let bar = render_bar(run.host.start, run.plan.budget.time);
     watchdog.renders(bar.clone());
     let first = match convergence.spp {
@@ -236,9 +236,9 @@ fn render(
     limits.interrupt = Some(&watchdog.interrupt);
     let goal = plan.outputs.picture_error;
     limits.picture = goal.map(|goal| (goal, picture_error as _));
-    // Render, with a bar that is up to date
+    // Render with a progress bar
     let area = film.area();
-    // Show how far the run is
+    // Show the progress of the run
     let show = |convergence: &Convergence| {
         let spp = convergence.expected(&limits, area);
         let expected = spp.map(|spp| spp.saturating_mul(area));
@@ -293,7 +293,7 @@ fn render(
     Ok(stop)
 }
 
-/// The error of the picture on a film, in units of the mean of what is not
+/// The error of the picture on a film, relative to the mean of all but the
 /// sky, if it is known.
 fn picture_error(film: &Film) -> Option<f64> {
     let Some(shown) = film.fragments.as_deref() else {
@@ -306,7 +306,7 @@ fn picture_error(film: &Film) -> Option<f64> {
     Some(error.rmse * shown.opacity().iter().sum::<f64>() / light)
 }
 
-/// Writes the files a last time, and prints what is to be known of the run.
+/// Writes the files a last time, and prints the summary.
 fn finish(
     mut output: RunOutput,
     film: &Film,
@@ -333,8 +333,8 @@ fn finish(
     Ok(())
 }
 
-/// Warns of receivers that get no light, and of those that seem to be inside
-/// a body.
+/// Warns of receivers without light, and of those that seem to be inside a
+/// body.
 fn warn_of_receivers(world: &World, film: &Film, host: Host) {
     let Some((table, receivers)) = world.table() else { return };
     let first = film.window.corner.1 as usize;

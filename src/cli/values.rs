@@ -1,7 +1,7 @@
 // Tangled from chapters/options.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The values of options: what they are, and what is expected instead.
+//! The values of options: how they are parsed, and why they are refused.
 
 use std::num::{IntErrorKind, ParseIntError};
 use std::str::FromStr;
@@ -43,8 +43,8 @@ pub fn parse_direction(text: &str) -> Result<DVec3, String> {
     }
 }
 
-/// The method that is asked for; none if a pilot is to choose one. The parser
-/// takes a bare `Option` for an option that may be left out.
+/// The requested method; none if a pilot is to choose one. `clap` would
+/// take a bare `Option` for an option that may be left out.
 pub type RequestedMethod = Option<Method>;
 
 /// Parses the name of a method, or `auto`.
@@ -58,7 +58,7 @@ pub fn parse_method(name: &str) -> Result<RequestedMethod, String> {
     }
 }
 
-/// Parses an error to reach, and whether it is relative.
+/// Parses a target error, and whether it is relative.
 pub fn parse_target(text: &str) -> Result<(f64, bool), String> {
     if ["rms", "max"].contains(&text) {
         return Err(format!(
@@ -86,13 +86,13 @@ pub fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses an albedo behind the name that has it, which may be empty.
+/// Parses an albedo after the name it belongs to, which may be empty.
 pub fn parse_named_albedo(text: &str) -> Result<(String, f64), String> {
     let (name, albedo) = text.rsplit_once('=').unwrap_or(("", text));
     Ok((name.to_owned(), parse_albedo(albedo)?))
 }
 
-/// A parser of the values that are valid, which are `expected` in words.
+/// A parser of valid values; `expected` describes them in words.
 pub fn only<T>(
     parse: fn(&str) -> Result<T, String>,
     is_valid: fn(&T) -> bool,

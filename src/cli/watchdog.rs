@@ -1,8 +1,8 @@
 // Tangled from chapters/program.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Signals, and a thread that ends a program which has nothing to show when
-//! one of them comes, or its time is over.
+//! Signals, and a thread that ends a program without an image when one of
+//! them comes, or when its time is over.
 
 use std::process;
 use std::sync::atomic::AtomicBool;
@@ -20,8 +20,8 @@ use crate::host::{Event, Interrupt};
 use crate::plan::Budget;
 use crate::render_loop::Stop;
 
-/// Begins to listen for SIGINT, SIGTERM and SIGHUP, of which the second ends
-/// the program at once, and for warnings; each unless it is ignored.
+/// Begins to listen for SIGINT, SIGTERM and SIGHUP, the second of which
+/// ends the program at once, and for warnings; each unless it is ignored.
 ///
 /// # Errors
 /// The system refuses.
@@ -50,7 +50,7 @@ fn register() -> io::Result<Interrupt> {
 
 /// Whether this process ignores a signal.
 fn is_ignored(signal: i32) -> bool {
-    // SAFETY: zeros are an action, and the call replaces it by another.
+    // SAFETY: zeros are an action, and the call replaces it with another.
     unsafe {
         let mut action: libc::sigaction = mem::zeroed();
         libc::sigaction(signal, ptr::null(), &mut action) == 0
@@ -62,7 +62,7 @@ fn is_ignored(signal: i32) -> bool {
 pub struct Stage {
     name: String,
     line: ProgressBar,
-    /// Whether an image can be had from it.
+    /// Whether there is an image to write.
     renders: bool,
 }
 
@@ -108,7 +108,7 @@ impl Watchdog {
         self.stage.lock().expect("no panic with the lock")
     }
 
-    /// Tells the user what happens.
+    /// Shows an event of the library to the user.
     pub fn hear(&self, event: Event) {
         let say = |print: fn(&str), text: &str| {
             let line = self.stage().line.clone();
@@ -126,7 +126,7 @@ impl Watchdog {
         }
     }
 
-    /// Says that the program renders, and has something to show from now on.
+    /// Records that the program renders, and can write an image from now on.
     pub fn renders(&self, line: ProgressBar) {
         let name = "rendering".to_owned();
         self.enter(Stage { name, line, renders: true });
@@ -145,7 +145,7 @@ pub fn hard_deadline(budget: &Budget, start: Instant) -> Option<Instant> {
     budget.deadline(start)?.checked_add(more)
 }
 
-/// That there is no image because of a stop, while something was done.
+/// The message that a stop during some work leaves no image.
 pub fn without_image(stop: Stop, doing: &str) -> String {
     match stop {
         Stop::Signal(signal) => {

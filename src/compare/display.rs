@@ -1,7 +1,7 @@
 // Tangled from chapters/compare.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Images that are made for looking.
+//! Pictures for the eye.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,8 +22,8 @@ pub enum Curve {
     Reinhard,
 }
 
-/// The image, made brighter by `exposure` stops, as a screen shows it, with
-/// its other channels.
+/// The image as a screen shows it, brighter by `exposure` stops, with its
+/// other channels.
 pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
     let scale = libm::exp2(exposure);
     let outside = image.samples.is_none();
@@ -33,7 +33,7 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
     };
     let mut means: Vec<f64> = image.means.iter().map(expose).collect();
     let white = means.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    // Bend the scale
+    // Apply the Reinhard curve
     if curve == Curve::Reinhard {
         for mean in &mut means {
             *mean *= (1. + *mean / white / white) / (1. + *mean);
@@ -43,8 +43,8 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
     Image { more, ..Image::plain(image.width, image.height, means) }
 }
 
-/// The image as it is before whatever it is laid over, by its opacity,
-/// instead of a background of this radiance.
+/// The image without its background of this radiance, to be laid over
+/// another by its opacity.
 pub fn cut_out(image: Image, background: f64) -> Image {
     let Some(opacity) = image.channel(OPACITY) else { return image };
     let surface = |(&mean, &a): (&f64, &f64)| match a > 0. {
@@ -55,7 +55,7 @@ pub fn cut_out(image: Image, background: f64) -> Image {
     Image { means, ..image }
 }
 
-/// What is to be seen of an image of a file.
+/// The picture to show of the image in a file.
 pub fn picture(image: Image) -> Image {
     let means = image.channel(FILTERED[0]).unwrap_or(&image.means).clone();
     let sky = image.attributes.get("sky");
@@ -76,7 +76,7 @@ pub fn picture(image: Image) -> Image {
 /// their errors and their opacity.
 ///
 /// # Panics
-/// There are not three, or one is smaller than the first.
+/// There are fewer than three, or one is smaller than the first.
 pub fn join(bands: &[Image]) -> Image {
     let mut more = vec![];
     for (i, image) in bands.iter().enumerate() {
@@ -102,9 +102,9 @@ const BAND_ERRORS: [&str; 3] = ["stderr.R", "stderr.G", "stderr.B"];
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Exposure {
-    /// By so many stops.
+    /// By this number of stops.
     Stops(f64),
-    /// By as many as suit its pixels.
+    /// By the number of stops that suits its pixels.
     Auto,
 }
 
@@ -148,7 +148,7 @@ pub fn auto_stops(mut surfaces: Vec<f64>) -> f64 {
 }
 
 /// The means of the pixels that seem to show a surface, given the mean and
-/// the spread of each: of a uniform sky all samples are 1.
+/// the spread of each; all samples of a uniform sky are 1.
 pub fn seeming_surfaces(
     pixels: impl Iterator<Item = (f64, f64)>,
 ) -> Vec<f64> {
@@ -160,7 +160,7 @@ pub fn seeming_surfaces(
 /// and the value that is shown as white.
 ///
 /// # Errors
-/// The image does not say its errors, or none is known.
+/// The image has no errors, or none is known.
 pub fn errors(image: &Image, relative: bool) -> Result<(Image, f64)> {
     let errors = image.errors.as_ref();
     let errors = errors.ok_or("it has no channel stderr.Y")?;

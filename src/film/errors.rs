@@ -21,7 +21,7 @@ pub struct Summary {
     /// The root of the mean square standard error of the pixels;
     /// infinite while unknown.
     pub rmse: f64,
-    /// The number of pixels whose samples are all alike.
+    /// The number of pixels whose samples are all equal.
     pub constant: u64,
 }
 
@@ -46,7 +46,7 @@ impl Film {
         });
         let sums: DVec3 = rows.collect::<Vec<_>>().iter().sum();
         let [radiance, squares, constant] = sums.to_array();
-        // Conclude from the sums
+        // Compute the summary from the sums
         let Self { tiles, tile_means: means, .. } = self;
         let tiles = tiles.iter().zip(means).map(|(tile, mean)| {
             (tile.area() as f64 * mean.standard_error()).powi(2)
@@ -71,9 +71,9 @@ pub const NEIGHBOUR_WEIGHT: f64 = 4.;
 
 impl Film {
     /// The standard errors of the pixels of a window, row by row; infinite
-    /// where unknown. The variance that a pixel has seen is combined with that
-    /// of its neighbours, which counts as `worth` values ([`NEIGHBOUR_WEIGHT`];
-    /// 0 leaves the neighbours out).
+    /// where unknown. The variance that a pixel has seen is combined with
+    /// that of its neighbours, which counts as `worth` values
+    /// ([`NEIGHBOUR_WEIGHT`]; 0 leaves the neighbours out).
     pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
         let pixels = self.errors_and_variances(worth, window).into_iter();
         pixels.map(|pixel| pixel.x).collect()
@@ -166,19 +166,19 @@ impl Film {
     }
 }
 
-/// Which error is held against a target.
+/// Which error a target limits.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize,
 )]
 pub struct ErrorNorm {
-    /// As a part of the mean of each pixel.
+    /// Relative to the mean of each pixel.
     pub relative: bool,
-    /// That of the worst pixel, not the root mean square of all.
+    /// The error of the worst pixel, not the root mean square of all.
     pub largest: bool,
 }
 
 impl ErrorNorm {
-    /// Whether it is the root mean square of all.
+    /// Whether it is the root mean square of all, and not relative.
     pub fn is_rms(&self) -> bool {
         *self == Self::default()
     }

@@ -13,7 +13,7 @@ use crate::bvh::Hit;
 /// A surface that a pixel shows.
 #[derive(Clone, Copy, Debug)]
 pub struct Fragment {
-    /// A point of it, from a point near the camera.
+    /// A point of the surface, relative to a point near the camera.
     pub point: Vec3A,
     /// Its unit normal there.
     pub normal: Vec3A,
@@ -22,15 +22,15 @@ pub struct Fragment {
 }
 
 impl Fragment {
-    /// What a hit shows.
+    /// The surface at a hit.
     pub fn new(origin: DVec3, hit: &Hit) -> Self {
         let point = (hit.point - origin).as_vec3a();
         Self { point, normal: hit.normal.as_vec3a(), coverage: 0. }
     }
 
-    /// Whether the cosine between the normals is larger than this, and the
-    /// square of the sine between the surface and the way to the other point
-    /// at most that.
+    /// Whether the cosine between the normals is larger than `cosine`, and
+    /// the square of the sine between the surface and the way to the other
+    /// point at most `square`.
     #[inline]
     fn is_near(&self, other: &Self, cosine: f32, square: f32) -> bool {
         let to = other.point - self.point;
@@ -52,9 +52,9 @@ impl Fragment {
     }
 }
 
-/// The number of the fragment that `seen` continues best, if there is any: of
-/// those that are like it, or else of all, the one whose surface it is nearest
-/// to in angle.
+/// The number of the fragment that `seen` continues best, if there is any:
+/// the one nearest in angle among those that are like it, or else among
+/// all.
 pub(crate) fn best_of(all: &[Fragment], seen: &Fragment) -> Option<usize> {
     let score = |it: &Fragment| {
         let to = seen.point - it.point;
@@ -72,7 +72,7 @@ pub(crate) fn best_of(all: &[Fragment], seen: &Fragment) -> Option<usize> {
 pub struct Fragments {
     window: Window,
     origin: DVec3,
-    /// The number of fragments before each pixel, and of all.
+    /// The number of fragments before each pixel, and last of all pixels.
     starts: Vec<u32>,
     /// The fragments.
     pub all: Vec<Fragment>,
@@ -81,8 +81,8 @@ pub struct Fragments {
 }
 
 impl Fragments {
-    /// The fragments of the pixels of a window, row by row, each with what the
-    /// sky adds, whose points are counted from this one.
+    /// Lists the fragments of pixels, given row by row, with the sky of
+    /// each. Points are counted from `origin`.
     pub fn new(
         window: Window,
         origin: DVec3,
@@ -111,7 +111,7 @@ impl Fragments {
         &self.all[self.range(p)]
     }
 
-    /// Which part of each pixel surfaces cover.
+    /// The part of each pixel that surfaces cover.
     pub fn opacity(&self) -> Vec<f64> {
         let covered = |p| {
             let all = self.of(p).iter();
@@ -137,7 +137,7 @@ impl Fragments {
         self.pixels(tile).map(|p| self.range(p).len()).sum()
     }
 
-    /// The fragments of a tile, for samples to find theirs.
+    /// The fragments of a tile, to which samples are assigned.
     pub fn in_tile(&self, tile: &Tile) -> TileFragments<'_> {
         let mut count = 0;
         let pixels = self.pixels(tile).map(|p| {
@@ -153,15 +153,15 @@ impl Fragments {
 /// The fragments of a tile.
 pub struct TileFragments<'a> {
     origin: DVec3,
-    /// Those of each pixel, and how many there are before them.
+    /// The fragments of each pixel, and how many there are before them.
     pixels: Vec<(u32, &'a [Fragment])>,
-    /// How many there are.
+    /// The number of fragments.
     pub count: usize,
 }
 
 impl TileFragments<'_> {
     /// The number of the fragment for which a sample of a pixel with this
-    /// first hit counts, if for any.
+    /// first hit counts, if there is one.
     #[inline]
     pub fn place(&self, pixel: u32, hit: &Hit) -> Option<u32> {
         let (before, own) = self.pixels[pixel as usize];

@@ -26,7 +26,7 @@ pub struct FilmTile<'a> {
     pub mean: Option<&'a mut Accumulator>,
     /// The halves of its fragments, or nothing if the film has none.
     pub halves: &'a mut [HalfBuffers],
-    /// What its pixels show, if its halves are to be filled.
+    /// The fragments that its pixels show, if halves are to be filled.
     pub fragments: Option<&'a Fragments>,
 }
 
@@ -54,33 +54,33 @@ pub struct Film {
     pub pixels: Vec<Accumulator>,
     /// The means of each tile, if its pixels share random numbers; else none.
     pub tile_means: Vec<Accumulator>,
-    /// The halves of the fragments of each tile; none unless a picture is to be
-    /// filtered.
+    /// The halves of the fragments of each tile; none unless a picture is
+    /// to be filtered.
     pub halves: Vec<Vec<HalfBuffers>>,
-    /// What the pixels show, if halves are to be filled.
+    /// The fragments that the pixels show, if halves are to be filled.
     pub fragments: Option<Arc<Fragments>>,
 }
 
-/// Watches the work on a film: called, from any thread, with what is done,
-/// as the paths that a finished tile has taken, and with 0 in between.
-/// Answers whether to go on.
+/// Watches a pass: any thread calls it with the number of paths that a
+/// finished tile has taken, or with 0 in between. Returns whether to go
+/// on.
 pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
 
-/// The samples of a fragment in two halves, those of even and of odd
-/// replicates: of each the sums of what was gathered and of its
-/// corrections, in units of 2^-32, and the number of samples of both.
+/// The samples of a fragment in two halves, those of even and those of odd
+/// replicates. Each half has the sums of what was gathered and of its
+/// corrections, in units of 2^-32, and the numbers of samples of both.
 pub type HalfBuffers = [[i64; 4]; 2];
 
-/// What a pilot has gathered for a fragment: of both halves the sum, in units
-/// of 2^-32, and the number of samples.
+/// What a pilot has gathered for a fragment: for each half the sum, in
+/// units of 2^-32, and the number of samples.
 pub type Gathered = [[i64; 2]; 2];
 
-/// The samples of a fragment in one replicate: sums of what was gathered and of
-/// its corrections, and the number of samples.
+/// The samples of a fragment in one replicate: the sums of what was
+/// gathered and of its corrections, and the number of samples.
 pub type Samples = ([f64; 2], u32);
 
-/// Adds to the halves of fragments their samples in the replicate of this
-/// number.
+/// Adds the samples of the replicate of this number to the halves of their
+/// fragments.
 pub fn add_samples(
     halves: &mut [HalfBuffers],
     number: u64,
@@ -96,7 +96,7 @@ pub fn add_samples(
     }
 }
 
-/// Takes all values of other halves into account.
+/// Adds the values of other halves.
 pub(crate) fn add_halves(
     halves: &mut [HalfBuffers],
     others: &[HalfBuffers],
@@ -108,14 +108,14 @@ pub(crate) fn add_halves(
     }
 }
 
-/// Units of the sums of halves in 1.
+/// The number of units of the sums of halves in 1.
 pub(crate) const UNIT: f64 = power_of_two(32);
 
 impl Film {
     /// The film of a whole image of at least one pixel, without a sample.
     ///
     /// # Panics
-    /// There is too little memory. A run asks for it before
+    /// There is too little memory. A run checks this before
     /// ([`Run::film`](crate::run::Run::film)).
     pub fn new(width: u32, height: u32) -> Self {
         let window = Window { corner: (0, 0), size: (width, height) };
@@ -253,8 +253,8 @@ impl Film {
         self.tiles.iter().zip(self.halves.iter().map(Vec::as_slice))
     }
 
-    /// Where the pixels of a window are stored, row by row, those of each tile
-    /// together, with the place of the tile.
+    /// The ranges in which the pixels of a window are stored, row by row, one
+    /// for each tile, with the place of the tile.
     fn strips(
         &self,
         window: Window,
@@ -326,7 +326,7 @@ impl Film {
         counts.map(|(i, count)| count * size(i) as f64).collect()
     }
 
-    /// The samples that every pixel has at least.
+    /// The number of samples that every pixel has at least.
     pub fn samples(&self) -> u64 {
         let tiles = self.tiles.iter();
         let counts = tiles.map(|tile| self.pixels[tile.start].count());
@@ -347,8 +347,8 @@ impl Film {
         self.pixels.par_iter().filter(is_dark).count() as u64
     }
 
-    /// The same film, whose accumulators take one value for so many samples.
-    /// It must be empty.
+    /// The same film, whose accumulators take one value for this many
+    /// `samples`. It must be empty.
     pub fn with_net_size(self, samples: u64) -> Self {
         Self { net_size: samples, ..self }
     }
@@ -360,8 +360,8 @@ impl Film {
         self
     }
 
-    /// The same film, which keeps halves of what its pixels show, if that is
-    /// known, or those that it will read. It must be empty.
+    /// The same film with halves: those of the fragments `shown`, or else
+    /// those that it will read. It must be empty.
     pub fn with_halves(mut self, shown: Option<Arc<Fragments>>) -> Self {
         let halves = |tile: &Tile| {
             let count = shown.as_ref().map_or(0, |it| it.count(tile));
@@ -393,8 +393,9 @@ impl Film {
         self.all_tiles().into_iter().map(place).collect()
     }
 
-    /// Adds what a pilot has gathered in each tile of its run to its halves, unless
-    /// it lacks one of the tiles here; returns whether it has all.
+    /// Adds to its halves what a `pilot` has gathered in each tile of the run,
+    /// unless the pilot lacks a tile of this film. Returns whether it has
+    /// added them.
     pub fn add_pilot(&mut self, pilot: &[Vec<Gathered>]) -> bool {
         let tiles = self.run_tiles().into_iter().enumerate();
         let here = tiles.filter_map(|(k, (_, place))| Some((k, place?)));
@@ -417,7 +418,7 @@ impl Film {
         true
     }
 
-    /// Takes the samples of a film of some of its tiles into account.
+    /// Adds the samples of a film that holds some of its tiles.
     pub fn merge(&mut self, part: &Self) {
         if part.halves.is_empty() {
             self.halves.clear();

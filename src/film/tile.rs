@@ -15,8 +15,8 @@ use crate::error::{Error, Result};
 /// Width and height of a tile of an image in pixels.
 pub const SIDE: u32 = 16;
 
-/// The height of a tile: one of a list, in a single column, has as many
-/// pixels.
+/// The height of a tile. A list is a single column, and its tiles have as
+/// many pixels as those of an image.
 pub fn tile_height(is_list: bool) -> u32 {
     if is_list { SIDE * SIDE } else { SIDE }
 }
@@ -76,7 +76,7 @@ impl TryFrom<String> for Window {
 /// Reads a width and a height, as in 800x600.
 ///
 /// # Errors
-/// The text is another, or a side is out of range.
+/// The text has another form, or a side is out of range.
 pub fn parse_size(text: &str) -> Result<(u32, u32)> {
     let side =
         |text| digits(text).ok().filter(|n| (1..=MAX_SIDE).contains(n));
@@ -91,12 +91,12 @@ pub fn parse_size(text: &str) -> Result<(u32, u32)> {
     size.ok_or_else(|| Error::value("size", text, syntax()))
 }
 
-/// The most pixels that an image is wide or high.
+/// The greatest width or height of an image in pixels.
 pub const MAX_SIDE: u32 = 16384;
 
-/// An integer of digits alone.
+/// Parses an integer that consists of digits alone.
 pub fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
-    // The library would take a plus as well.
+    // The library would accept a plus as well.
     text.replace('+', "x").parse()
 }
 
@@ -115,7 +115,7 @@ impl Window {
         ((left, top), (columns, bottom.div_ceil(side) - top))
     }
 
-    /// This and the pixels that are at most so many columns and rows away,
+    /// This window and the pixels at most `reach` columns and rows away,
     /// as far as they lie `within` another window.
     pub(crate) fn grown(&self, reach: u32, within: Self) -> Self {
         let ((x, y), (left, top)) = (self.corner, within.corner);
@@ -134,14 +134,15 @@ impl Window {
         self.size.0 as usize * self.size.1 as usize
     }
 
-    /// At most so many of its rows, from row `first` on.
+    /// At most `most` of its rows, from row `first` on.
     pub fn rows(&self, first: u32, most: u32) -> Self {
         let ((left, top), (width, height)) = (self.corner, self.size);
         let size = (width, most.min(height - first));
         Self { corner: (left, top + first), size }
     }
 
-    /// Its values in a list of those of a window around it; both row by row.
+    /// The values of its pixels, from a `list` of those of a window around
+    /// it; both row by row.
     pub fn crop<T: Copy>(&self, list: &[T], whole: Self) -> Vec<T> {
         let left = (self.corner.0 - whole.corner.0) as usize;
         let top = (self.corner.1 - whole.corner.1) as usize;
@@ -188,7 +189,7 @@ pub(super) fn along_curve(side: u32, mut x: u32, mut y: u32) -> u64 {
     cells
 }
 
-/// The numbers below `n`, such that those before any place are spread
+/// The numbers below `n`, in an order of which every beginning is spread
 /// evenly (van der Corput 1935).
 pub(super) fn van_der_corput(n: usize) -> impl Iterator<Item = usize> {
     let indices = 0..n.next_power_of_two();

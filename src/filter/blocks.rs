@@ -11,26 +11,26 @@ use rayon::prelude::*;
 /// What a pixel shows: one surface, several, or some and the sky.
 pub const CLASSES: usize = 3;
 
-/// The best ways so far to filter each class of pixels in each block.
+/// The best filters so far for each class of pixels in each block.
 pub struct Best<'a> {
     grid: &'a Grid,
     /// What each pixel shows, if any surface.
     classes: &'a [Option<usize>],
     errors: Vec<[f64; CLASSES]>,
-    /// The pixels, by the ways of the four blocks around them.
+    /// The pixels, by the filters of the four blocks around them.
     shown: Vec<[Vec2; 4]>,
 }
 
 impl<'a> Best<'a> {
-    /// No way so far.
+    /// No filter so far.
     pub fn new(grid: &'a Grid, classes: &'a [Option<usize>]) -> Self {
         let errors = vec![[f64::INFINITY; CLASSES]; grid.count()];
         let shown = vec![[Vec2::ZERO; 4]; classes.len()];
         Self { grid, classes, errors, shown }
     }
 
-    /// Takes what a way shows where its error is less, given that of each block;
-    /// that of the whole image decides where a block does not know.
+    /// Adopts what a filter shows where its error, given for each block, is
+    /// less. The error of the whole image decides where a block has none.
     pub fn offer(&mut self, way: &[Vec2], own: &[[DVec2; CLASSES]]) {
         let Self { grid, classes, errors, shown } = self;
         // Find the blocks in which it is better
@@ -61,7 +61,7 @@ impl<'a> Best<'a> {
 }
 
 impl Best<'_> {
-    /// Goes over from each block to the next.
+    /// Blends the choices of the blocks.
     pub fn blend(&self) -> Vec<Vec2> {
         let pixel = |(p, shown): (usize, &[Vec2; 4])| {
             let parts = self.grid.near(p).into_iter().zip(shown);
@@ -77,12 +77,12 @@ pub struct Grid {
     pub width: usize,
     /// The number of blocks along each side.
     pub blocks: [usize; 2],
-    /// Where each column and each row lies.
+    /// The place of each column and each row.
     sides: [Vec<Side>; 2],
 }
 
-/// Where a column or a row of pixels lies: its block, and the two whose
-/// middles are around it, with how much of each counts there.
+/// The place of a column or a row of pixels: its block, and the two blocks
+/// whose middles are around it, with the part of each.
 #[derive(Clone, Copy)]
 struct Side {
     block: usize,
@@ -115,7 +115,7 @@ impl Grid {
         self.blocks[0] * self.blocks[1]
     }
 
-    /// Where the column and the row of a pixel lie.
+    /// The places of the column and the row of a pixel.
     fn place(&self, p: usize) -> [Side; 2] {
         let [columns, rows] = &self.sides;
         [columns[p % self.width], rows[p / self.width]]
@@ -127,8 +127,7 @@ impl Grid {
         row.block * self.blocks[0] + column.block
     }
 
-    /// The four blocks whose middles are around a pixel, and how much of each
-    /// counts there.
+    /// The four blocks whose middles are around a pixel, and their parts.
     fn near(&self, p: usize) -> [(usize, f32); 4] {
         let [column, row] = self.place(p);
         array::from_fn(|k| {

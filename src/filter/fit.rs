@@ -21,7 +21,7 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Takes a value into account.
+    /// Adds a value.
     #[inline(always)]
     pub fn add(&mut self, weight: f32, terms: Vec4, value: Vec2) {
         let scaled = weight * terms;
@@ -37,8 +37,8 @@ impl Fit {
         }
     }
 
-    /// The plane of least squares, by Cholesky's decomposition of the products
-    /// about the means; 0 without a weight.
+    /// The plane of least squares, by Cholesky's decomposition of the
+    /// products about the means; 0 without a weight.
     pub fn plane(&self) -> Plane {
         if self.weight == 0. {
             return Plane::default();
@@ -99,5 +99,5 @@ impl Plane {
     }
 }
 
-/// What is added to the mean squares of the terms of a fit.
+/// The term that is added to the mean squares of a fit.
 const RIDGE: f32 = 2e-3;

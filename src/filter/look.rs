@@ -26,7 +26,7 @@ fn is_same((one, sky): &Seen, (other, beyond): &Seen) -> bool {
     }
 }
 
-/// The most surfaces of a pixel that are told apart.
+/// The most surfaces of a pixel that are distinguished.
 const SURFACES: usize = 3;
 
 /// What a pixel shows: surfaces, and what the sky adds.
@@ -54,12 +54,12 @@ fn point(i: usize, count: usize) -> [u32; 2] {
     [i << (32 - bits), i.reverse_bits()].map(|u| u + (1 << (31 - bits)))
 }
 
-/// Rays of a first look at a pixel.
+/// Rays of the first look at a pixel.
 const FIRST: usize = 4;
 
-/// Looks at the pixels of a window: each at 4 points, and where these or its
-/// neighbours in the window of the run differ at 16, or at 64 if the sky is
-/// seen there.
+/// Looks at the pixels of a window, each at 4 points. Where these or the
+/// neighbours in the window of the run differ, looks at 16 points, or at 64
+/// if the sky is seen there.
 pub fn fragments(
     bvh: &Bvh,
     view: &LitView,
@@ -123,7 +123,7 @@ pub fn fragments(
     Fragments::new(window, origin, shown.collect::<Vec<Shown>>())
 }
 
-/// The pixels around one and itself, in an image of this width and area.
+/// The pixels around a pixel and itself, for this width and area.
 fn around(
     p: usize,
     width: usize,

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 
 use crate::film::{Film, NEIGHBOUR_WEIGHT, Window};
 
-/// A finished image in memory: what its file formats can carry. Row by
-/// row from the top left.
+/// A finished image in memory, with all that its file formats can carry.
+/// Row by row from the top left.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
     /// Width in pixels.
@@ -29,7 +29,7 @@ pub struct Image {
     /// ([`Film::tile_errors`]), infinite where unknown; none if the pixels
     /// are independent.
     pub tile_errors: Option<Vec<f64>>,
-    /// Other channels, by name; of a file those of a picture.
+    /// Other channels, by name; from a file only the picture's.
     pub more: Vec<(&'static str, Vec<f64>)>,
     /// What is known about the run: names and values, such as `seed`
     /// and `7`.
@@ -37,12 +37,12 @@ pub struct Image {
 }
 
 impl Image {
-    /// An image of these means, of which nothing else is known.
+    /// An image of these means, without anything else.
     pub fn plain(width: u32, height: u32, means: Vec<f64>) -> Self {
         Self { width, height, means, ..Self::default() }
     }
 
-    /// One of its other channels, if it has it.
+    /// One of its other channels, if present.
     pub fn channel(&self, name: &str) -> Option<&Vec<f64>> {
         let mut channels = self.more.iter();
         channels.find(|(other, _)| *other == name).map(|(_, values)| values)
@@ -67,34 +67,34 @@ impl Image {
 /// The channels of an image of three bands, which has no means.
 pub const BANDS: [&str; 3] = ["R", "G", "B"];
 
-/// The channel of the part of each pixel that is covered by surfaces.
+/// The channel of the fraction of each pixel that surfaces cover.
 pub const OPACITY: &str = "A";
 
 /// The channels of a filtered picture and its error.
 pub const FILTERED: [&str; 2] = ["filtered.Y", "filtered_stderr.Y"];
 
-/// Gives an image by parts: by windows that lie within its own.
+/// A source of parts of an image: of windows that lie within its own.
 pub trait Source: Sync {
     /// Its pixels.
     fn window(&self) -> Window;
 
-    /// What a window holds, without attributes: its means, which are not
+    /// The contents of a window without attributes: its means, which are not
     /// numbers where there is none, or all.
     fn part(&self, window: Window, all: bool) -> Image;
 
-    /// What is known about the run.
+    /// The attributes of the run.
     fn attributes(&self) -> &BTreeMap<String, String>;
 }
 
-/// The image on a film, with what is known about its run.
+/// The image on a film, with the attributes of its run.
 pub struct Picture<'a> {
     /// The sums.
     pub film: &'a Film,
-    /// The samples of each pixel of the run in a replicate, if they differ.
+    /// The samples in a replicate of each pixel, if they differ.
     pub allocation: Option<&'a [u32]>,
     /// Other channels, by name.
     pub more: Vec<(&'static str, &'a [f64])>,
-    /// What is known about the run; see [`Image::attributes`].
+    /// The attributes of the run; see [`Image::attributes`].
     pub attributes: BTreeMap<String, String>,
 }
 
@@ -154,8 +154,8 @@ impl Source for Image {
     }
 }
 
-/// Writes rows of an image in this order, made from their means, or from
-/// `all` their channels.
+/// Writes rows of an image in this order; `encode` makes their bytes from
+/// the means, or from `all` their channels.
 pub fn write_rows<B: AsRef<[u8]> + Send>(
     image: &dyn Source,
     rows: &[u32],
@@ -179,5 +179,5 @@ pub fn room(size: u128, bytes: usize) -> bool {
             .is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok())
 }
 
-/// Who is told, in a line, of what was made of a file.
+/// Receives a line about what a reader has converted or ignored.
 pub type Note<'a> = &'a mut dyn FnMut(&str);

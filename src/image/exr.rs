@@ -33,7 +33,7 @@ use super::levels::{COLOURS, luminance};
 use crate::error::Result;
 use crate::film::Window;
 
-/// Writes all that the image holds.
+/// Writes the whole content of the image.
 pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let mut file = Cursor::new(vec![]);
     let headers = [header(image)].into_iter().collect();
@@ -84,20 +84,19 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     out.write_all(&bytes)
 }
 
-/// Blocks that are in memory at a time before they are compressed.
+/// The number of blocks in memory at a time before they are compressed.
 const BATCH: usize = 256;
 
 /// Width and height of a block in pixels.
 const TILE: usize = 64;
 
-/// What stands before the blocks.
+/// The header of the file.
 fn header(image: &dyn Source) -> Header {
     let (width, height) = image.window().size;
     let pixel = image.part(Window { size: (1, 1), ..image.window() }, true);
     let channels = pixel
         .channels()
         .map(|(name, kind, _)| ChannelDescription::named(name, kind));
-    // Set the size of the blocks
     let tiles = BlockDescription::Tiles(TileDescription {
         tile_size: Vec2(TILE, TILE),
         level_mode: LevelMode::Singular,
@@ -142,7 +141,7 @@ impl Image {
     }
 }
 
-/// The numbers of a part of an image as they are in a block.
+/// The numbers of a part of an image in the order of a block.
 fn bits(part: &Image) -> Vec<u32> {
     let (mut bits, width) = (vec![], part.width as usize);
     for first in (0..part.means.len()).step_by(width) {
@@ -158,7 +157,7 @@ fn bits(part: &Image) -> Vec<u32> {
     bits
 }
 
-/// What the names of our attributes begin with.
+/// The first letters of the names of our attributes.
 const PREFIX: &str = "litpt:";
 
 fn attribute((name, value): (&String, &String)) -> (Text, AttributeValue) {
@@ -167,7 +166,7 @@ fn attribute((name, value): (&String, &String)) -> (Text, AttributeValue) {
 }
 
 /// Sorts the attributes in the header of a file of one part by name, and
-/// fills in the checksum.
+/// sets the checksum.
 fn seal(file: &mut [u8]) {
     let (mut attributes, mut end) = (vec![], 8);
     while file[end] != 0 {
@@ -189,7 +188,7 @@ fn seal(file: &mut [u8]) {
 /// The attribute that holds the checksum.
 const CHECKSUM: &str = "checksum";
 
-/// Where the checksum stands in a file, and the CRC-32 of all else, in
+/// The place of the checksum in a file, and the CRC-32 of all else in
 /// hexadecimal digits.
 fn checksum(file: &[u8]) -> Option<(Range<usize>, String)> {
     let before = format!("{PREFIX}{CHECKSUM}\0string\0\x08\0\0\0");
@@ -202,8 +201,8 @@ fn checksum(file: &[u8]) -> Option<(Range<usize>, String)> {
 }
 
 /// Reads the first layer of a file that has the channel `Y` or colours;
-/// `bytes` is the whole file. `note` is told of colours, of windows that
-/// differ, and if the file is not as it was written.
+/// `bytes` is the whole file. `note` receives colours, windows that differ,
+/// and a wrong checksum.
 ///
 /// # Errors
 /// The file is damaged, or it has neither in full size.
@@ -254,7 +253,6 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image> {
         let whole = samples.len() == layer.size.area();
         whole.then(|| pixels.clone().map(value).collect())
     };
-    // Compute the luminance of colours
     let coloured = || {
         let [r, g, b] = BANDS.map(values);
         let colours = [r?, g?, b?];
@@ -291,7 +289,6 @@ fn check_size(bytes: &[u8]) -> Result<()> {
         let windows = [(header.layer_size, pixel, 1), (display, 8, 8)];
         for (Vec2(width, height), pixel, factor) in windows {
             let size = width as u128 * height as u128 * pixel as u128;
-            // Refuse a window without room
             if !room(size, factor * bytes.len()) {
                 return Err(format!(
                     "its header says a window of {width} by {height} pixels, \
@@ -305,14 +302,12 @@ fn check_size(bytes: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// Our attributes among those of a layer; `note` is told if the file is not
-/// as it was written.
+/// Our attributes among those of a layer; `note` receives a wrong checksum.
 fn attributes(
     layer: &LayerAttributes,
     bytes: &[u8],
     note: Note,
 ) -> BTreeMap<String, String> {
-    // Pick our attributes
     let text =
         |text: &Text| String::from_utf8_lossy(text.as_slice()).into_owned();
     let ours = |(name, value): (&Text, &AttributeValue)| {

@@ -30,8 +30,8 @@ pub fn radiance(encoded: f64) -> f64 {
     }
 }
 
-/// The mean of a pixel: of red, green and blue the luminance (Rec. ITU-R
-/// BT.709). Its last number may be its opacity.
+/// The value of a pixel: the luminance of red, green and blue (Rec. ITU-R
+/// BT.709), or its first number. The last may be an opacity.
 pub fn luminance(pixel: &[f64]) -> f64 {
     match *pixel {
         [r, g, b, ..] => 0.2126 * r + 0.7152 * g + 0.0722 * b,
@@ -39,22 +39,22 @@ pub fn luminance(pixel: &[f64]) -> f64 {
     }
 }
 
-/// The level that is written as these bytes, the most significant first.
+/// The number in these bytes, the most significant first.
 pub fn whole(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0, |sum, &byte| 256 * sum + u32::from(byte))
 }
 
-/// What a reader is told of a file that has colours.
+/// The note on a file with colours.
 pub const COLOURS: &str = "it has colours, of which the luminance is \
      taken (0.2126 R + 0.7152 G + 0.0722 B)";
 
-/// What a reader is told of levels, before their curve.
+/// The note on levels, without the name of their curve.
 pub const LEVELS: &str = "it holds grey levels, or colours, of which the \
      luminance is taken; they are read by";
 
 impl Image {
-    /// The numbers that are shown of each pixel, as radiances: one, or those
-    /// of three bands; and an opacity, if it has one.
+    /// The numbers of each pixel that are shown, as radiances: one, or three
+    /// bands; and an opacity, if there is one.
     pub fn shown(&self) -> Vec<Cow<'_, [f64]>> {
         let bands = BANDS.iter().filter_map(|name| self.channel(name));
         let mut shown: Vec<Cow<'_, [f64]>> = bands.map(Cow::from).collect();
@@ -68,7 +68,7 @@ impl Image {
     }
 }
 
-/// The mean of each square, row by row, or of what is around it.
+/// The mean of each square, row by row, or of its surroundings.
 fn fill(image: &dyn Source) -> Vec<f64> {
     let window = image.window();
     let (width, height) = window.size;
@@ -76,7 +76,6 @@ fn fill(image: &dyn Source) -> Vec<f64> {
     let tops = (0..height).into_par_iter().step_by(SIDE as usize);
     let squares = tops.flat_map_iter(|top| {
         let mut squares = vec![DVec2::ZERO; columns];
-        // Sum the means of each square
         let rows = (top..height.min(top + SIDE)).step_by(4);
         let means = rows.flat_map(|y| {
             let row = image.part(window.rows(y, 1), false);
@@ -111,9 +110,9 @@ fn fill_gaps(squares: &mut [DVec2], columns: usize) {
     }
 }
 
-/// Writes the levels of the pixels, encoded by the sRGB curve, as `encode`
-/// has them, of the means or of `all` that a screen shows; `white` is the
-/// highest level.
+/// Writes the levels of the pixels: of the means, or of `all` that a screen
+/// shows. They are encoded by the sRGB curve, with `white` as the highest,
+/// and then by `encode`.
 pub fn write_levels<B: IntoIterator<Item = u8>>(
     image: &dyn Source,
     all: bool,

@@ -13,7 +13,7 @@ use super::levels::{LEVELS, luminance, radiance, whole, write_levels};
 use crate::error::Result;
 use crate::film::Window;
 
-/// Writes what a screen shows as 65536 levels, encoded by the sRGB curve.
+/// Writes what a screen shows in 65536 levels, encoded by the sRGB curve.
 pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let (width, height) = image.window().size;
     let mut encoder = Encoder::new(out, width, height);
@@ -39,8 +39,8 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-/// Reads the levels back; `bytes` is the whole file. `note` is told of
-/// their curve.
+/// Reads the levels back; `bytes` is the whole file. `note` receives their
+/// curve.
 ///
 /// # Errors
 /// The file is damaged.
@@ -54,7 +54,6 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image> {
     let mut levels = vec![0; size.ok_or("header size exceeds the file")?];
     let gamma = gamma(reader.info(), note);
     let frame = reader.next_frame(&mut levels).map_err(fault)?;
-    // Undo the curve for the levels of a PNG file
     let wide = frame.bit_depth == BitDepth::Sixteen;
     let (size, white) = if wide { (2, 65535.) } else { (1, 255.) };
     let levels = levels.chunks(size).map(|l| f64::from(whole(l)) / white);
@@ -68,7 +67,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image> {
 }
 
 /// The exponent of the levels, 1 if they are proportional to radiance;
-/// none if their curve is that of sRGB.
+/// none if their curve is sRGB's.
 fn gamma(info: &Info, note: Note) -> Option<f64> {
     let said = info.coding_independent_code_points;
     let coded = said.filter(|c| c.is_video_full_range_image);

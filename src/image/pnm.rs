@@ -23,7 +23,7 @@ pub fn write_levels(
     levels::write_levels(image, false, 255, word, out)
 }
 
-/// Writes the means, as numbers of least significant byte first.
+/// Writes the means as numbers, the least significant byte first.
 pub fn write_numbers(
     image: &dyn Source,
     out: &mut dyn Write,
@@ -39,8 +39,8 @@ pub fn write_numbers(
 }
 
 /// Reads a map of levels, or of one number per pixel, or of three or four,
-/// whose luminance is taken; `bytes` is the whole file. `note` is told of
-/// the curve of levels, of colours, and of bytes after the pixels.
+/// which become a luminance; `bytes` is the whole file. `note` receives the
+/// curve of levels, colours, and bytes after the pixels.
 ///
 /// # Errors
 /// The header is damaged, or there are fewer pixels than it says, or
@@ -105,8 +105,8 @@ pub fn read(mut bytes: &[u8], note: Note) -> Result<Image> {
     Ok(Image::plain(width, height, means))
 }
 
-/// Takes the next word, past white space and comments; U+FFFD if it is no
-/// text.
+/// Splits off the next word after white space and comments; U+FFFD if it is
+/// no text.
 fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a str> {
     *bytes = bytes.trim_ascii_start();
     while let Some(comment) = bytes.strip_prefix(b"#") {
@@ -121,8 +121,8 @@ fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a str> {
     (!word.is_empty()).then_some(text)
 }
 
-/// The bytes of the pixels, as many as promised, of what is left after
-/// the last word of a header. `note` is told of bytes after them.
+/// The promised bytes of the pixels, out of those after the last word of a
+/// header. `note` receives the number of bytes after them.
 ///
 /// # Errors
 /// There are fewer.
@@ -132,7 +132,6 @@ fn raster<'a>(
     note: Note,
 ) -> Result<&'a [u8]> {
     let size = usize::try_from(promised).unwrap_or(usize::MAX);
-    // Find the end of the header by the length of the file
     let most = rest.len().saturating_sub(size);
     let blank = |end: usize| {
         rest[..end].ends_with(b"\n") && word(&mut &rest[..end]).is_none()
@@ -143,7 +142,6 @@ fn raster<'a>(
         _ => 1,
     };
     let data = rest.get(start..).unwrap_or_default();
-    // Split off what was promised
     let (data, others) = data.split_at_checked(size).ok_or_else(|| {
         let held = data.len();
         format!("it has {held} bytes of pixels; its header says {promised}")

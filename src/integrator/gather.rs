@@ -7,10 +7,10 @@
 //! surfaces, with a [`guide`] of directions for each place, and then how many
 //! samples each pixel deserves. [`render`] has [`Tracer::tile`] render each
 //! tile once for each replicate, here a scramble: a sample sends one ray from
-//! its first hit, and takes what the cache says of its end. Of some of these
-//! ends [`correction`] estimates how wrong the cache is, and shares that among
-//! the samples of a group that see them. So a pixel errs by chance alone:
-//! by where its samples and their rays go, and by its corrections.
+//! its first hit, and takes the radiance of its end from the cache.
+//! [`correction`] estimates how wrong the cache is at some of these ends, and
+//! shares that among the samples of a group that see them. A pixel errs by
+//! chance alone: by where its samples and their rays go, and by corrections.
 //!
 //! Its bits belong to `GATHER_VERSION`.
 
@@ -44,7 +44,7 @@ pub struct Gather<'a> {
     pub view: LitView<'a>,
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
-    /// What is known of the image beforehand.
+    /// The pixels whose radiance is known beforehand.
     pub known_pixels: &'a KnownPixels,
     /// Chooses all random numbers.
     pub seed: u64,
@@ -54,8 +54,8 @@ pub struct Gather<'a> {
     pub training: u64,
     /// How much is corrected; none leaves the error of the cache.
     pub correction: Option<Correction>,
-    /// What [`Renderer::learn`](crate::integrator::Renderer::learn) has
-    /// learnt, or another run like this one.
+    /// The result of [`Renderer::learn`](crate::integrator::Renderer::learn),
+    /// here or in another run like this one.
     pub learnt: Arc<OnceLock<Learnt>>,
     /// The processes that learn the same.
     pub communicator: &'a dyn Communicator,
@@ -68,12 +68,12 @@ pub struct Learnt {
     pub cache: Arc<RadianceCache>,
     /// The samples of each pixel.
     pub allocation: Allocation,
-    /// Another cache, which odd replicates take, if there is one: so that the
-    /// halves of a picture are independent.
+    /// Another cache, for odd replicates, if there is one: it makes the
+    /// halves of a picture independent.
     pub twin: Option<Arc<RadianceCache>>,
-    /// What a pilot has gathered for the fragments of each tile, in the order
-    /// of the run's tiles: sum and number of both halves. Nothing of a tile whose
-    /// fragments were not known.
+    /// The light that a pilot has gathered for the fragments of each tile, in
+    /// the order of the run's tiles: sum and number of both halves. Empty for
+    /// a tile whose fragments were not known.
     pub pilot: Vec<Vec<Gathered>>,
 }
 
@@ -87,9 +87,9 @@ pub struct Tracer<'a, K> {
     pub cache: &'a RadianceCache,
     /// How the samples are distributed.
     pub allocation: &'a Allocation,
-    /// What the pixels show, if samples are to be sorted by it.
+    /// The surfaces that the pixels show, if samples are sorted by them.
     pub fragments: Option<&'a Fragments>,
-    /// The number of rays traced so far.
+    /// The rays traced so far.
     pub rays: u64,
 }
 
@@ -98,7 +98,7 @@ pub struct Tracer<'a, K> {
 pub struct TileSamples {
     /// The mean of each pixel.
     pub means: Vec<f64>,
-    /// What corrections have added to it.
+    /// The part of it that corrections have added.
     pub corrections: Vec<f64>,
     /// The samples of each fragment, if they are sorted.
     pub sorted: Vec<Samples>,
@@ -119,7 +119,7 @@ impl<'a, K> Tracer<'a, K> {
     }
 }
 
-/// What a ray has met.
+/// The end of a ray.
 #[derive(Clone, Copy, Debug)]
 pub enum End {
     /// The sky, of this radiance, or what is below the horizon.
@@ -134,7 +134,7 @@ pub struct GatherRay {
     pub weight: f64,
     /// The bin of its direction.
     pub bin: usize,
-    /// What it has met.
+    /// Its end.
     pub end: End,
 }
 
@@ -153,7 +153,7 @@ pub struct Allocation {
 }
 
 impl Allocation {
-    /// These samples of the pixels of a window, and radiances.
+    /// An allocation of these samples and radiances to the pixels of a window.
     pub fn new(window: Window, counts: Vec<u32>, scale: Vec<f64>) -> Self {
         let most = counts.iter().max().copied().unwrap_or(1);
         let points = u64::from(most).max(64).next_power_of_two();
@@ -161,7 +161,7 @@ impl Allocation {
         Self { window, counts, scale, net }
     }
 
-    /// As many samples for each pixel.
+    /// The same number of samples for each pixel.
     pub fn even(window: Window, samples: u64) -> Self {
         let area = window.area();
         Self::new(window, vec![samples as u32; area], vec![1.; area])
@@ -216,7 +216,7 @@ pub struct Sample {
     pub scale: f64,
     /// The weight of the direction of the gather.
     pub weight: f64,
-    /// What the gather has hit, if anything, and a cell around it.
+    /// The hit of the gather, if there is one, and a cell around it.
     pub end: Option<(Hit, Cell)>,
     /// The point of the square from which the gather is drawn.
     pub u: [u32; 2],
@@ -268,7 +268,7 @@ impl<K: Intersector> Tracer<'_, K> {
         )
     }
 
-    /// What a sample at (`x`, `y`) of the image begins with: a first hit, or
+    /// The beginning of a sample at (`x`, `y`) of the image: a first hit, or
     /// the radiance of the sky behind it.
     #[inline]
     pub fn trace_primary(&mut self, x: f64, y: f64) -> End {
@@ -363,7 +363,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let fragments = self.fragments.map(|it| it.in_tile(&tile));
         let fragments = fragments.as_ref();
         let mut samples = self.begin(tile, scramble, &mut sums, fragments);
-        // Gather at all samples
+        // Trace the gather rays of all samples
         let cache = self.cache;
         let cell = |Sample { hit, .. }: &Sample| {
             *cache.at(cache.grid.name(hit.point, hit.normal))
@@ -388,7 +388,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 End::Hit(hit) => sample.end = Some((hit, UNSEEN)),
             }
         }
-        // Look up what the gathers have met
+        // Look up the cells that the rays have met
         for (Sample { albedo, pixel, weight, end, .. }, [gathered, _]) in
             samples.iter_mut().zip(&mut parts)
         {

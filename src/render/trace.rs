@@ -49,7 +49,7 @@ pub enum Ending {
     Roulette,
     /// Roulette has ended a path of many bounces.
     ManyBounces,
-    /// It takes what a cell of the cache holds.
+    /// It takes the radiance of a cell of the cache.
     Cell {
         /// The radiance, in units of that of the uniform sky.
         radiance: f32,
@@ -82,11 +82,11 @@ pub struct SampleTrace {
     pub vertices: Vec<Vertex>,
     /// Why there are no more.
     pub ending: Ending,
-    /// What it contributes to its pixel; of a gather, before corrections.
+    /// What it contributes to its pixel; for a gather, before corrections.
     pub value: f64,
-    /// What of that the control variate adds.
+    /// The part of it that the control variate adds.
     pub control: f64,
-    /// Of a gather, the scramble to which it belongs.
+    /// For a gather, the scramble to which it belongs.
     pub scramble: Option<Scramble>,
 }
 

@@ -61,7 +61,7 @@ pub fn page(report: &Report, image: &Image) -> String {
     markup.into_string() + "\n"
 }
 
-/// A table of names and what is said of them.
+/// A table of names and texts.
 fn table<'a>(rows: impl Iterator<Item = (&'a str, String)>) -> Markup {
     html! {
         table {
@@ -72,7 +72,7 @@ fn table<'a>(rows: impl Iterator<Item = (&'a str, String)>) -> Markup {
     }
 }
 
-/// A text with what no page may contain replaced.
+/// A text in which characters that no page may contain are replaced.
 fn printable(text: &str) -> String {
     let never = |c: char| c.is_control() || "\u{fffe}\u{ffff}".contains(c);
     text.replace(never, "\u{fffd}")
@@ -100,7 +100,7 @@ th:first-child { min-width: 5.75rem }
 ";
 
 fn pictures(report: &Report, image: &Image) -> Markup {
-    // Name the size and the range of the image
+    // Format the size and the range of the image
     let size = format!("{}x{} pixels", image.width, image.height);
     let least = image.means.iter().copied().fold(f64::INFINITY, f64::min);
     let most = image.means.iter().copied().fold(0., f64::max);
@@ -141,7 +141,7 @@ fn pictures(report: &Report, image: &Image) -> Markup {
 /// The largest width and height of an image on the page, in pixels.
 const LARGEST: u32 = 800;
 
-/// An image as a part of the page, with what it shows in words.
+/// An image as a part of the page, with a description of it in words.
 fn picture(image: &Image, shows: &str) -> Markup {
     let mut bytes = vec![];
     let written = Format::Png.write(image, &mut bytes);

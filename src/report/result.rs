@@ -1,7 +1,7 @@
 // Tangled from chapters/report.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What is known of a run, and what follows from it.
+//! The data of a run, and what follows from it.
 
 use std::time::SystemTime;
 use std::{env, fs};
@@ -28,21 +28,21 @@ pub struct SceneFile {
     pub triangles: u64,
 }
 
-/// How a run was made; what is not known is none.
+/// How a run was made; an unknown setting is none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// What was shown.
+    /// The subject of the image.
     #[serde(flatten)]
     pub subject: Option<Subject>,
     /// How well the hierarchy was built.
     pub hierarchy: Option<String>,
-    /// What has chosen all random numbers.
+    /// The seed of all random numbers.
     pub seed: u64,
-    /// Samples of each pixel that were asked for.
+    /// The requested number of samples of each pixel.
     pub spp: Option<u64>,
     /// The limit of time in seconds.
     pub time: Option<f64>,
-    /// The error that was asked for.
+    /// The requested error.
     pub error: Option<f64>,
     /// The image that true errors are computed from.
     pub reference: Option<String>,
@@ -52,7 +52,7 @@ pub struct Settings {
     pub threads: Option<usize>,
     /// How samples were made.
     pub integrator: Method,
-    /// What a pilot has found, if it has chosen that.
+    /// The reason for the method, if a pilot run has chosen it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub choice: Option<String>,
     /// The part of the run, if it is not all of it.
@@ -63,7 +63,7 @@ pub struct Settings {
     pub missing: Option<String>,
 }
 
-/// Forgets what differs from another value.
+/// Forgets a value that differs from another.
 fn keep_common<T: PartialEq>(value: &mut Option<T>, other: &Option<T>) {
     if value != other {
         *value = None;
@@ -76,7 +76,7 @@ impl Settings {
         self.subject.as_ref().is_some_and(|s| s.sensed.is_list())
     }
 
-    /// Forgets what was otherwise for another part of the run.
+    /// Forgets the settings that differ from those of another part.
     fn keep_common(&mut self, part: &Self) {
         keep_common(&mut self.hierarchy, &part.hierarchy);
         keep_common(&mut self.time, &part.time);
@@ -88,39 +88,39 @@ impl Settings {
     }
 }
 
-/// What is known of a run, at its end or while it goes on.
+/// The data of a run, at its end or while it goes on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Name and version of the program.
     pub program: String,
-    /// The command line, as a shell takes it.
+    /// The command line, quoted for a shell.
     pub command: String,
     /// When the program began, in UTC, as in 2026-01-31T23:59:59Z.
     pub date: String,
     /// The name of the processor.
     pub processor: String,
-    /// What was rendered.
+    /// The scene that was rendered.
     pub scene: SceneFile,
     /// How it was made.
     pub settings: Settings,
-    /// What was left out because the scene does not need it, and why.
+    /// Steps that were left out because the scene does not need them, and why.
     pub left_out: Vec<Finding>,
     /// Seconds to read the scene.
     pub load_seconds: f64,
     /// Seconds to find what the scene does not need, and to build the
     /// hierarchy of the rest.
     pub build_seconds: f64,
-    /// What has been rendered, and the curve of error against time.
+    /// The progress of the render, and the curve of error against time.
     #[serde(flatten)]
     pub convergence: Convergence,
-    /// Pixels without a sample, of which the means know nothing.
+    /// Pixels without a sample.
     pub unsampled_pixels: u64,
-    /// Pixels whose mean is below zero, as that of a few corrections may be.
+    /// Pixels whose mean is below zero, which few corrections may cause.
     pub negative_pixels: u64,
-    /// The stops by which PNG files are brighter, if that was said.
+    /// The stops by which PNG files are brighter, if that was requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure: Option<f64>,
-    /// Those of the picture on a page.
+    /// The stops by which the picture on a page is brighter.
     #[serde(skip)]
     pub page_exposure: f64,
     /// The sky and the ground, in words.
@@ -129,7 +129,7 @@ pub struct Report {
     /// Whether a PNG is nearly black.
     #[serde(skip)]
     pub is_dark: bool,
-    /// Which error is held against the target.
+    /// The error that is compared with the target.
     #[serde(rename = "measure")]
     #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
     pub norm: ErrorNorm,
@@ -159,7 +159,7 @@ impl Report {
 }
 
 impl Report {
-    /// Says which process of which program makes it.
+    /// Fills in the program, the command, the date and the processor.
     pub fn sign(&mut self, program: &str) {
         let words = env::args_os();
         let words = words.map(|word| quoted(&word.to_string_lossy()));
@@ -173,7 +173,7 @@ impl Report {
     }
 }
 
-/// A word as a shell has to be given it.
+/// A word, quoted for a shell where necessary.
 fn quoted(word: &str) -> String {
     let harmless =
         |c: char| c.is_ascii_alphanumeric() || "-_./,:=+@".contains(c);
@@ -184,11 +184,11 @@ fn quoted(word: &str) -> String {
 }
 
 impl Report {
-    /// What a person wants to know of a run of so many pixels: a table
-    /// of names and what is said of them.
+    /// The summary of a run of so many pixels: a table of names and
+    /// texts.
     pub fn summary(&self, pixels: u64) -> Vec<(&'static str, String)> {
         let Settings { integrator, hierarchy, isa, .. } = &self.settings;
-        // Say what the run has cost
+        // Format the costs of the run
         let &Convergence { seconds, rays, .. } = &self.convergence;
         let speed = metric(rays as f64 / seconds.max(1e-9));
         let render = format!(
@@ -216,7 +216,7 @@ impl Report {
             }
             lines.insert(2, ("picture", text));
         }
-        // Say what was chosen and left out
+        // Add lines on choices and omissions
         if !self.light.is_empty() {
             lines.push(("sky", self.light.clone()));
         }
@@ -298,7 +298,7 @@ impl Report {
         if let Some(spp) = self.settings.spp {
             text += &format!("; {there} of {spp} spp");
         }
-        // Hold the error against its target
+        // Compare the error with its target
         if let Some(target) = self.settings.error {
             let small = rmse.is_some_and(|rmse| rmse <= target);
             let met = small || stopped == Some(Stop::Error);
@@ -315,8 +315,8 @@ impl Report {
     }
 }
 
-/// A number to so many decimals, or more if that shows less than two digits
-/// of it; or that it is unknown.
+/// A number to so many decimals, or more if these show less than two
+/// digits of it; or the word unknown.
 pub fn rounded(x: Option<f64>, decimals: usize) -> String {
     match x.filter(|x| x.is_finite()) {
         Some(x) => format!("{x:.*}", places(x, decimals)),
@@ -333,7 +333,7 @@ pub fn metric(x: f64) -> String {
     }
 }
 
-/// The decimals that show two digits of a number, at least so many.
+/// The decimals that show two digits of a number, `least` or more.
 fn places(x: f64, least: usize) -> usize {
     let first = libm::log10(x.abs()).floor();
     if x == 0. { least } else { least.max((1. - first).max(0.) as usize) }

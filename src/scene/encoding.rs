@@ -11,9 +11,9 @@ use ruzstd::decoding::StreamingDecoder;
 
 use crate::error::{Diagnostic, Result};
 
-/// The text of a file, decompressed if it begins as gzip or zstd do, and in
-/// UTF-8 if it begins with a mark of UTF-16; a warning tells what was left
-/// out.
+/// The text of a file: decompressed if it begins like gzip or zstd, and in
+/// UTF-8 if it begins with a mark of UTF-16. A warning reports bytes that
+/// were left out.
 ///
 /// # Errors
 /// Compressed files that are damaged or cut short, those of other formats,
@@ -37,7 +37,7 @@ pub fn text<'a>(
     }
 }
 
-/// The format of bytes that are no plain text, by how they begin.
+/// The format of bytes that are no plain text, from their beginning.
 pub fn format(bytes: &[u8]) -> Option<&'static str> {
     Some(match bytes {
         [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "UTF-16",
@@ -54,7 +54,7 @@ pub fn format(bytes: &[u8]) -> Option<&'static str> {
     })
 }
 
-/// The format of a model that is no Wavefront OBJ, by how it begins.
+/// The format of a model that is no Wavefront OBJ, from its beginning.
 pub fn foreign(bytes: &[u8]) -> Option<&'static str> {
     let begins = [
         ("PLY", "ply"),
@@ -83,7 +83,7 @@ pub fn foreign(bytes: &[u8]) -> Option<&'static str> {
     named.or(is_stl.then_some("STL"))
 }
 
-/// Appends the next frame of zstd to a text, and steps over it.
+/// Appends the next frame of zstd to a text, and moves behind it.
 fn unzstd(rest: &mut &[u8], text: &mut Vec<u8>) -> io::Result<usize> {
     if let [0x50..=0x5f, 0x2a, 0x4d, 0x18, a, b, c, d, next @ ..] = *rest {
         let length = u32::from_le_bytes([*a, *b, *c, *d]) as usize;
@@ -101,7 +101,7 @@ fn unzstd(rest: &mut &[u8], text: &mut Vec<u8>) -> io::Result<usize> {
     }
 }
 
-/// What a file of this kind holds, or which part of it is faulty.
+/// The content of a file of this kind.
 fn unpack(
     kind: &str,
     source: &[u8],
@@ -145,7 +145,7 @@ fn fault(error: &io::Error) -> &'static str {
     found.map_or("is damaged", |(_, what)| what)
 }
 
-/// The text of pairs of bytes that are UTF-16.
+/// The text of pairs of bytes in UTF-16.
 fn utf_8(bytes: &[u8]) -> Result<Vec<u8>> {
     let (pairs, []) = bytes.as_chunks::<2>() else {
         return Err("the UTF-16 text ends within a letter".into());
@@ -156,7 +156,7 @@ fn utf_8(bytes: &[u8]) -> Result<Vec<u8>> {
     Ok(String::from_utf16_lossy(&units).into_bytes())
 }
 
-/// A line as messages quote it.
+/// A line, as messages quote it.
 pub fn quoted(line: &str) -> String {
     let visible = |c: char| match c {
         '"' | '\'' | '\\' => c.to_string(),
@@ -169,7 +169,7 @@ pub fn quoted(line: &str) -> String {
     }
 }
 
-/// A message with each of its words as a line is quoted.
+/// A message with each of its words quoted like a line.
 pub(crate) fn shortened(message: &str) -> String {
     let words = message.split(' ').map(quoted);
     words.collect::<Vec<_>>().join(" ")

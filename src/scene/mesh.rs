@@ -14,30 +14,30 @@ use crate::numerics::cross;
 /// An indexed triangle mesh in the coordinates of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Positions of the vertices, each finite; zero in place of one that
-    /// was not, which no face has.
+    /// Positions of the vertices, each finite. A vertex that was not, which
+    /// no face may use, is zero.
     pub vertices: Vec<DVec3>,
     /// Three indices into `vertices` for each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// The triangles, in ascending order, that belong to the same face as
     /// the one before.
     pub joined: Vec<u32>,
-    /// What the file calls its faces, in the order of the file.
+    /// The names that the file gives to its faces, in its order.
     pub marks: Vec<Mark>,
 }
 
-/// A name that belongs to the faces from one on, until another of its kind.
+/// A name for all faces from one on, until the next name of its kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
     /// The first of these faces, from 0.
     pub face: u32,
-    /// What bears the name.
+    /// What the name is given to.
     pub kind: MarkKind,
     /// The name.
     pub name: String,
 }
 
-/// What a name in a file is given to.
+/// A thing that a file gives a name to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MarkKind {
     /// An object.
@@ -51,8 +51,8 @@ pub enum MarkKind {
 }
 
 impl Mesh {
-    /// Whether its numbers are finite, and those of vertices and triangles
-    /// there; those of a mesh that was read are.
+    /// Checks that its numbers are finite and its indices in range, as they
+    /// are in a mesh that was read.
     ///
     /// # Errors
     /// They are not.
@@ -87,8 +87,8 @@ impl Mesh {
         (0..self.triangles.len() as u32).map(face).collect()
     }
 
-    /// The extreme corners of the box around all triangles; zeros without
-    /// any.
+    /// The extreme corners of the box around all triangles; zeros if there
+    /// are none.
     pub fn corners(&self) -> [DVec3; 2] {
         let used = self.triangles.par_iter().flatten_iter();
         let used = used.map(|&i| [self.vertices[i as usize]; 2]);
@@ -98,7 +98,7 @@ impl Mesh {
         corners.map(|corner| corner + DVec3::ZERO)
     }
 
-    /// The axis that looks up, if the areas of the faces tell it plainly.
+    /// The axis that points up, if the areas of the faces show it plainly.
     pub fn up(&self) -> Option<DVec3> {
         let [low, high] = self.corners();
         let (mut net, mut area) = (DVec3::ZERO, 0.);

@@ -1,7 +1,7 @@
 // Tangled from chapters/materials.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! From the text of a library of materials to what diffuse surfaces reflect.
+//! From the text of a library of materials to their diffuse reflectivity.
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
@@ -12,23 +12,23 @@ use super::encoding::{self, quoted};
 use super::text::*;
 use crate::error::{Diagnostic, Result};
 
-/// What libraries say of the materials of a scene.
+/// The materials of a scene, as its libraries define them.
 #[derive(Default)]
 pub struct Library {
     /// The first `Kd` of each, in red, green and blue, from 0 to 1.
     pub diffuse: BTreeMap<String, [f64; 3]>,
-    /// For each kind of what is not rendered, a message that tells of the
+    /// For each kind of property that is not rendered, a message about the
     /// first statement, and their number.
     pub ignored: BTreeMap<&'static str, (Diagnostic, usize)>,
     /// Other messages.
     pub warnings: Vec<Diagnostic>,
 }
 
-/// Reads a library, called `file`, of which a scene uses some materials.
+/// Reads a library, called `file`, for the materials that a scene uses.
 ///
 /// # Errors
 /// Those of `encoding::text`, a zero byte, or a `Kd` that is not one number
-/// or three from 0 to 1.
+/// or three from 0 to 1 (a fourth is ignored).
 pub fn read_mtl(
     source: &[u8],
     file: &str,
@@ -60,8 +60,8 @@ pub fn read_mtl(
     Ok(())
 }
 
-/// What a statement says that is not rendered, if anything; or notes its
-/// `Kd`, unless there is one.
+/// The kind of a statement that is not rendered; or records its `Kd`, unless
+/// there is one.
 fn judge(
     line: &[u8],
     kd: Entry<'_, String, [f64; 3]>,
@@ -83,7 +83,7 @@ fn judge(
     Ok(text.split_whitespace().any(is_some).then_some(kind))
 }
 
-/// Notes what stands behind a `Kd`, or says what it is beside that.
+/// Records the numbers after a `Kd`; returns its kind if it has none.
 fn read_kd(
     text: &str,
     first: Entry<'_, String, [f64; 3]>,

@@ -20,16 +20,15 @@ use crate::error::{Diagnostic, Result};
 /// Convex faces become fans of triangles around their first corner.
 ///
 /// # Errors
-/// Text that is empty, binary, malformed or without any face, faces with
-/// fewer than three corners or with corners that do not exist or are not
-/// finite, more vertices than 32 bits can count or triangles than 30,
-/// compressed files that are damaged.
+/// Text that is empty, binary, malformed or without any face; faces with
+/// fewer than three corners, or with corners that do not exist or are not
+/// finite; more than 2^30 vertices or triangles; damaged compressed files.
 pub fn read_obj(source: &[u8]) -> Result<Mesh> {
     read_file(source).map(|(mesh, _)| mesh)
 }
 
-/// The same as `read_obj`, with warnings: of faces that are no polygons,
-/// and of what is in the file but not in the mesh.
+/// Like `read_obj`, with warnings of faces that are no polygons, and of
+/// statements in the file that the mesh does not contain.
 ///
 /// # Errors
 /// Those of `read_obj`.
@@ -48,15 +47,15 @@ pub fn read_file(source: &[u8]) -> Result<(Mesh, Vec<Diagnostic>)> {
 /// The size of a piece of the text.
 const PIECE: usize = 1 << 20;
 
-/// Whether the beginning of a file may be that of an OBJ: it has a vertex,
-/// or is packed.
+/// Whether a file that begins like this may be an OBJ: the beginning has a
+/// vertex, or is compressed.
 pub(crate) fn begins_obj(start: &[u8]) -> bool {
     let is_packed = encoding::format(start).is_some();
     is_packed || lines(start).any(|line| name(line) == b"v")
 }
 
-/// The same as `read_file`, whatever the number of bytes `size` after which
-/// the text is cut.
+/// Like `read_file`, with the number of bytes `size` after which the text
+/// is cut; the result does not depend on it.
 pub fn read_pieces(
     source: &[u8],
     size: usize,
@@ -68,7 +67,7 @@ pub fn read_pieces(
     }
     let text = &join(plain(&text)?);
     let pieces = cut(text, size);
-    // Count what comes before each piece
+    // Count the vertices before each piece
     let counts = pieces.par_iter().map(|piece| count(piece));
     let (counts, unused): (Vec<_>, Vec<_>) = counts.unzip();
     let mut total = 0;
@@ -130,7 +129,7 @@ pub fn read_pieces(
     Ok((mesh, warnings))
 }
 
-/// Replaces vertices that are not finite; returns a warning of them.
+/// Replaces vertices that are not finite; returns a warning about them.
 ///
 /// # Errors
 /// One of them is a corner of a face.
@@ -159,27 +158,27 @@ fn set_aside(
     Ok(Some(at(text, find(text, b"v", first), what)))
 }
 
-/// The statement of this name with a number from 0.
+/// The statement number `number`, from 0, of those with this name.
 fn find<'a>(text: &'a [u8], named: &[u8], number: usize) -> &'a [u8] {
     let mut named_so = lines(text).filter(|line| name(line) == named);
     named_so.nth(number).unwrap_or(text)
 }
 
-/// Refuses more elements than can be named.
+/// Refuses more elements than can be numbered.
 fn countable(n: usize) -> Result<()> {
     let what = "vertices or triangles, of which only";
     let what = || format!("{n} {what} {MOST} can be numbered");
     Ok((n <= MOST).then_some(()).ok_or_else(what)?)
 }
 
-/// Of each at most: a leaf has 30 bits for the number of a face.
+/// The most that can be numbered: a leaf has 30 bits for a face.
 const MOST: usize = 1 << 30;
 
 #[cfg(test)]
 #[path = "../../tests/units/obj.rs"]
 mod tests;
 
-/// The number of vertices, and the statements without use.
+/// The number of vertices, and the statements that are not rendered.
 fn count(piece: &[u8]) -> (usize, Vec<&[u8]>) {
     let (mut vertices, mut unused) = (0, vec![]);
     for line in lines(piece) {
@@ -193,13 +192,14 @@ fn count(piece: &[u8]) -> (usize, Vec<&[u8]>) {
     (vertices, unused)
 }
 
-/// Statements that say how faces look or are called, or belong to a shape
-/// of which another statement is told.
+/// Statements about the appearance and names of faces, or that belong to a
+/// shape whose own statement leads to a warning.
 const SILENT: &str = "g o s usemtl mtllib vp mg lod shadow_obj trace_obj \
     bevel c_interp d_interp maplib usemap ctech stech deg bmat step parm \
     trim hole scrv sp end con";
 
-/// The text in pieces, each of whole lines and, but for the last, longer
+/// The text in pieces of whole lines, each but the last longer than `size`
+/// bytes.
 /// than `size` bytes.
 fn cut(mut text: &[u8], size: usize) -> Vec<&[u8]> {
     let mut pieces = vec![];
@@ -226,7 +226,7 @@ fn read_statement(
         _ => return Ok(()),
     };
     if let Some(kind) = kind {
-        // Note what the faces are called
+        // Record the name of the faces
         let name = rest(text);
         let face = (mesh.triangles.len() - mesh.joined.len()) as u32;
         mesh.marks.push(Mark { face, kind, name });
@@ -267,7 +267,7 @@ fn read_vertex<'a>(
     }
 }
 
-/// Appends the fan of the face whose corners are `words`.
+/// Appends the fan of the face with the corners `words`.
 fn read_face<'a>(
     words: impl Iterator<Item = &'a str>,
     vertices: [usize; 2],
@@ -293,12 +293,12 @@ fn read_face<'a>(
     }
 }
 
-/// The vertex that a corner names, counted from 0.
+/// The number of the vertex at a corner, from 0.
 fn read_corner(word: &str, [so_far, total]: [usize; 2]) -> Result<u32> {
     let slash = word.bytes().position(|c| c == b'/');
     let (digits, others) =
         slash.map_or((word, ""), |n| (&word[..n], &word[n + 1..]));
-    // Judge what follows the first slash
+    // Reject malformed numbers after the first slash
     let is_number = |n: &str| n.is_empty() || n.parse::<i64>().is_ok();
     if !others.is_empty() && !others.splitn(2, '/').all(is_number) {
         let word = quoted(word);

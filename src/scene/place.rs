@@ -1,7 +1,7 @@
 // Tangled from chapters/scene.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Where points and rays of the file are among the triangles.
+//! The places of the file's points and rays among the triangles.
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
@@ -61,13 +61,13 @@ impl Frame {
         whole + shift(lost, self.exponent - k)
     }
 
-    /// Where the point `q` of the scene lies in the file, about.
+    /// About where the point `q` of the scene lies in the file.
     pub fn back(&self, q: DVec3) -> DVec3 {
         (shift(q + self.half, -self.exponent) + self.low) / self.part
     }
 
     /// Whether the point `q` of the scene is outside of its box by more than ten
-    /// times the longest side of that.
+    /// times the box's longest side.
     pub fn is_far(&self, q: DVec3) -> bool {
         let [low, high] = self.bounds;
         let beyond = (low - q).max(q - high).max_element();
@@ -97,7 +97,7 @@ impl Frame {
     }
 }
 
-/// What the difference of `a` and `b` has lost when it was rounded.
+/// The error of the rounded difference of `a` and `b`.
 fn lost(a: DVec3, b: DVec3, difference: DVec3) -> DVec3 {
     let back = difference - a;
     (a - (difference - back)) - (b + back)
@@ -112,7 +112,7 @@ pub struct Ray {
     pub direction: DVec3,
 }
 
-/// What rays that start at one point of the file have in common.
+/// The common part of all rays that start at one point of the file.
 #[derive(Clone, Copy, Debug)]
 pub struct Entrance {
     /// The point, in units of 2^`k`.
@@ -128,7 +128,7 @@ pub struct Entrance {
 /// Binary exponent of the distance at which units become larger.
 const FAR: i32 = 1000;
 
-/// Up to here a point has a place among the triangles: 2^32 units.
+/// A point farther away has no place among the triangles: 2^32 units.
 const NEARBY: f64 = (1u64 << 32) as f64;
 
 impl Entrance {

@@ -1,8 +1,8 @@
 // Tangled from chapters/polygons.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Faces with more than three corners: where a fan of triangles does
-//! not fill a face, other triangles between its corners.
+//! Faces with more than three corners: where a fan of triangles does not
+//! fill a face, other triangles between its corners replace it.
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
@@ -14,9 +14,9 @@ use spade::{MIN_ALLOWED_VALUE, Point2, Triangulation};
 use super::mesh::Mesh;
 use crate::numerics::{cross, exponent, shift};
 
-/// Replaces the fans that do not fill their faces; returns the numbers
-/// of the faces that are odd, from 0: bent, their corners far from a common
-/// plane, or crossed, their outlines crossing themselves.
+/// Replaces the fans that do not fill their faces; returns the numbers,
+/// from 0, of odd faces: bent, with corners far from a common plane, or
+/// crossed, with an outline that crosses itself.
 pub fn fill(mesh: &mut Mesh) -> Vec<u32> {
     let Mesh { vertices, triangles, joined, .. } = mesh;
     let look = |group: &[u32]| {
@@ -53,7 +53,7 @@ pub fn fill(mesh: &mut Mesh) -> Vec<u32> {
     odd
 }
 
-/// Whether the fan is that of a quadrilateral that is nearly flat and
+/// Whether this is the fan of a quadrilateral that is nearly flat and
 /// has its first diagonal inside.
 fn is_plain(fan: &[[u32; 3]], vertices: &[DVec3]) -> bool {
     let [[a, b, c], [.., d]] = fan else { return false };
@@ -64,8 +64,8 @@ fn is_plain(fan: &[[u32; 3]], vertices: &[DVec3]) -> bool {
     product > 0. && product * product > 0.99 * both
 }
 
-/// Triangles that fill the face of this fan, unless it does so itself;
-/// and whether the face is odd.
+/// Triangles that fill the face, unless its fan does; and whether the face
+/// is odd.
 fn judge(
     fan: &[[u32; 3]],
     vertices: &[DVec3],
@@ -129,9 +129,9 @@ fn fills(outline: &[DVec2]) -> bool {
     pairs.all(|(a, b)| is_left(a, b) && is_left(ahead, b))
 }
 
-/// Whether a triangle of the fan has different corners but no area, or
-/// two have only the first corner in common; given the corners seen from
-/// there.
+/// Whether a triangle of the fan has different corners but no area, or the
+/// outline comes back to its first corner; `sides` are the corners seen
+/// from there.
 fn has_seam(sides: &[DVec3]) -> bool {
     let zero = DVec3::ZERO;
     let is_flat = |q: &[DVec3]| {
@@ -214,5 +214,5 @@ fn triangulate(
     (!triangles.is_empty()).then_some(triangles)
 }
 
-/// How far beside a side rounding puts a corner: less than 2^-47.
+/// How far off a side rounding puts a corner: less than 2^-47.
 const ROUNDED: f64 = 1. / (1u64 << 47) as f64;

@@ -11,7 +11,7 @@ use memchr::{memchr, memchr_iter, memchr2_iter, memchr3_iter};
 use super::encoding::shortened;
 use crate::error::{Diagnostic, Result};
 
-/// The text without zeros, marks and blanks behind it, if there is text.
+/// The text without zeros, marks and blanks at its end.
 ///
 /// # Errors
 /// There is a zero byte in it.
@@ -90,11 +90,11 @@ pub fn join(source: &[u8]) -> Cow<'_, [u8]> {
     text
 }
 
-/// Stands for the end of a line within a statement.
+/// Replaces the end of a line within a statement.
 pub const BREAK: u8 = b'\x0b';
 
-/// The number, from 1, of the last line in which `line`, a part of `text`,
-/// stands.
+/// The number, from 1, of the line of `text` in which its part `line`
+/// ends.
 pub fn number(text: &[u8], line: &[u8]) -> usize {
     let end = line.as_ptr_range().end.addr() - text.as_ptr().addr();
     let ends = memchr3_iter(b'\n', b'\r', BREAK, &text[..end]);

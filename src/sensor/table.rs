@@ -50,7 +50,7 @@ impl TableFormat {
     }
 }
 
-/// What bears the values.
+/// The kind of receivers.
 pub enum Shape {
     /// Points.
     Points(Vec<Point>),
@@ -61,7 +61,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// What it is called.
+    /// The name of the kind.
     pub fn name(&self) -> &str {
         match self {
             Self::Points(..) => "points",
@@ -71,17 +71,17 @@ impl Shape {
     }
 }
 
-/// What a table shows beside the values.
+/// Everything that a table shows apart from the values.
 pub struct Table {
-    /// What bears the values.
+    /// The kind of receivers.
     pub shape: Shape,
-    /// Whether it is a back, for each side that receives.
+    /// For each side that receives, whether it is a back.
     pub backs: &'static [bool],
     /// The scene, in the coordinates of the file, unless there are points.
     pub mesh: Mesh,
-    /// The name of the file that has the receivers.
+    /// The name of the file of the receivers.
     pub file: String,
-    /// The albedo of each face, if it is radiosity that is asked for.
+    /// The albedo of each face, if radiosity is asked for.
     pub albedos: Option<FaceAlbedos>,
     /// The level of a value on a screen.
     pub grey: fn(f64) -> u8,
@@ -90,14 +90,14 @@ pub struct Table {
 /// A value and its standard error, and the number of samples.
 pub type Value = ([f32; 2], f64);
 
-/// A text as CSV has it.
+/// A text as a cell of CSV.
 fn cell(text: &str) -> String {
     let quoted = format!("\"{}\"", text.replace('"', "\"\""));
     if text.contains([',', '"']) { quoted } else { text.to_owned() }
 }
 
 impl Table {
-    /// The receivers, in its order.
+    /// The receivers, in the order of the table.
     pub fn receivers(&self, scene: &Scene) -> Receivers {
         match &self.shape {
             Shape::Points(list) => Receivers::points(list, &scene.frame),
@@ -117,8 +117,8 @@ impl Table {
         ((number / sides) as u32, self.backs[number % sides])
     }
 
-    /// How many of some receivers have no value, or a doubtful one, and why: a
-    /// warning of each kind.
+    /// A warning for each kind of receivers that have no value, or a doubtful
+    /// one: how many, and why.
     pub fn odd(
         &self,
         receivers: &Receivers,
@@ -139,7 +139,7 @@ impl Table {
         kinds.collect()
     }
 
-    /// Where a receiver is in its file.
+    /// The place of a receiver in its file.
     fn place(&self, number: usize) -> String {
         match (&self.shape, self.face(number)) {
             (Shape::Points(set), _) => format!("in line {}", set[number].2),
@@ -165,9 +165,9 @@ impl Table {
         }
     }
 
-    /// The value on a film of each receiver that was asked for, its standard
-    /// error, and the number of its samples; NaN where there is none. The samples
-    /// of each in a replicate are given, if they differ.
+    /// The value on a film of each receiver of the file, its standard error,
+    /// and the number of its samples; NaN where there is none. `allocation`
+    /// has the samples of each in a replicate, if they differ.
     pub fn values(
         &self,
         receivers: &Receivers,
@@ -234,7 +234,7 @@ impl Table {
         Ok(())
     }
 
-    /// The area, centre and normal of a face, as columns before commas.
+    /// The area, centre and normal of a face, as columns with commas.
     fn measured(&self, face: u32, faces: &[u32], is_back: bool) -> String {
         let start = faces.partition_point(|&other| other < face);
         let end = faces.partition_point(|&other| other <= face);

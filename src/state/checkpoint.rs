@@ -25,16 +25,16 @@ use crate::state::learnt;
 /// The first line of a checkpoint; its number changes with the layout.
 const MAGIC: &[u8] = b"litpt checkpoint 11\n";
 
-/// What is known of a run beside its sums, in the second line.
+/// A run without its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RunRecord {
-    /// What decides the samples.
+    /// The values that decide the samples.
     pub run_key: RunKey,
-    /// What the run does; its files have full names.
+    /// The plan; its files have full names.
     pub plan: Plan,
-    /// What is reported of it, with its convergence so far.
+    /// The report, with the record of its passes so far.
     pub report: Report,
-    /// What was learnt, which is not in that line.
+    /// The results of a training, which are not in that line.
     #[serde(skip)]
     pub learnt: Arc<OnceLock<Learnt>>,
 }
@@ -45,10 +45,10 @@ impl RunRecord {
         Some(&self.learnt.get()?.allocation.counts)
     }
 
-    /// Whether this is known of a run of another key.
+    /// Checks that this is the record of a run with a key.
     ///
     /// # Errors
-    /// It is; the first entry that differs is named.
+    /// It is not; the first entry that differs is named.
     pub fn belongs_to(&self, run_key: &RunKey) -> Result<()> {
         let differs = self.run_key.disagreement(run_key);
         differs.map_or(Ok(()), |(name, [theirs, ours])| {
@@ -78,7 +78,7 @@ pub fn save(
     out.write_all(&checksum.finalize())
 }
 
-/// Computes the checksum of what passes.
+/// Computes the checksum of the bytes that pass.
 struct Checked<'a> {
     out: &'a mut dyn Write,
     checksum: Sha256,
@@ -132,9 +132,9 @@ fn unreadable(error: io::Error) -> Error {
 
 /// A checkpoint that is whole.
 pub struct Checkpoint<R = BufReader<File>> {
-    /// What it is called, for people.
+    /// Its name, for people.
     pub name: String,
-    /// What was known of its run.
+    /// The record of its run.
     pub record: RunRecord,
     /// The file from the first sum on, if it has any.
     sums: Option<R>,
@@ -157,7 +157,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         Ok(Self { name: String::new(), record, sums })
     }
 
-    /// Fills the `film`, and returns the convergence so far.
+    /// Fills the `film`, and returns the record of the passes.
     ///
     /// # Errors
     /// The checkpoint belongs to another run, or cannot be read; the
@@ -174,7 +174,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         Ok(self.record.report.convergence)
     }
 
-    /// Fills a film of the size that the run key tells.
+    /// Fills a film of the size that the run key gives.
     ///
     /// # Errors
     /// The file cannot be read.

@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! What a gather has learnt, as bytes.
+//! The results of the training of a gather, as bytes.
 
 use std::io::{self, BufRead, Read, Write};
 use std::sync::{Arc, OnceLock};
@@ -14,7 +14,7 @@ use crate::integrator::gather::{Allocation, Learnt};
 use crate::key::RunKey;
 use crate::memory::zeroed;
 
-/// Writes what was learnt, if anything was.
+/// Writes the results of a training, if there was one.
 pub fn write(
     learnt: &OnceLock<Learnt>,
     out: &mut dyn Write,
@@ -39,10 +39,10 @@ pub fn write(
 /// Whether the most significant byte of a number comes first.
 const IS_BIG: bool = cfg!(target_endian = "big");
 
-/// Reads what a run of this key has learnt, if anything.
+/// Reads the results of a training for a run of this key, if there are any.
 ///
 /// # Errors
-/// The file ends, or has what cannot be learnt.
+/// The file ends, or has what no training produces.
 pub fn read(
     from: &mut dyn BufRead,
     run_key: &RunKey,
@@ -55,7 +55,6 @@ pub fn read(
     type Head = (Grid, usize, usize, bool, Vec<usize>);
     let (grid, cells, guides, is_big, pilot): Head = head;
     let window = run_key.subject.sensed.window();
-    // Read the arrays
     let (cells, guides) = (get(from, cells)?, get(from, guides)?);
     let counts = get::<u32>(from, window.area())?;
     let scale = get::<f64>(from, window.area())?;

@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! Shards, that is parts of one run, and how their states are merged.
+//! Shards, which are parts of one run, and how their states are merged.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use crate::key::Part;
 use crate::render_loop::{Convergence, Limits, Stop};
 use crate::state::checkpoint::{Checkpoint, RunRecord};
 
-/// Whether a file of this name is to hold the state of a run.
+/// Whether the state of a run is written to a file of this name.
 pub fn is_state_name(path: &Path) -> bool {
     extension(path).as_deref() == Some("litpt")
 }
@@ -36,7 +36,7 @@ impl fmt::Display for Held {
 }
 
 impl Held {
-    /// What two parts have in common.
+    /// The samples that two parts have in common.
     fn common(&self, other: &Self) -> Option<Self> {
         let ((a, b), (c, d)) = (self.rows, other.rows);
         let rows = (a.max(c), b.min(d));
@@ -47,9 +47,9 @@ impl Held {
     }
 }
 
-/// What the states of parts add up to.
+/// The sum of the states of parts.
 pub struct Merged {
-    /// What is known of the whole run; its curve has one point.
+    /// The record of the whole run; its curve has one point.
     pub record: RunRecord,
     /// The sums of the whole window.
     pub film: Film,
@@ -112,7 +112,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
                 );
             }
         }
-        // Take the sums and the costs of a state
+        // Add the sums and the costs of a state
         let filled = state.fill(&mut film);
         filled.map_err(|fault| fault.of_file(path))?;
         merged.film.merge(&film);
@@ -125,7 +125,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
         let samples = (from, to.min(from + film.samples()));
         held.push((path, [whole, Held { samples, ..whole }]));
     }
-    // Say what the sum has and what it lacks
+    // Complete the merged run
     let mut merged = sum.ok_or("there is nothing to merge")?;
     let Merged { record, film, .. } = &mut merged;
     total.spp = film.samples();
@@ -166,7 +166,7 @@ fn missing(window: Window, of: u64, held: &[Held]) -> Option<String> {
         let mut end = 0;
         for (from, to) in ranges.into_iter().chain([(of, of)]) {
             if from > end {
-                // Note a gap or lengthen the one above
+                // Add a gap or lengthen the one above
                 let samples = (end, from);
                 let above = |gap: &&mut Held| {
                     gap.samples == samples && gap.rows.1 == rows.0

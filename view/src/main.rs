@@ -3,8 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The command `ptview`: turns a scene in the browser.
 //!
-//! The main thread answers requests and sends pages what is rendered; another
-//! one renders what is wanted.
+//! The main thread answers requests and sends images to pages; another one
+//! renders them.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -59,7 +59,7 @@ use tokio::{net::TcpListener, runtime::Builder, sync::watch};
 use tokio_io_timeout::TimeoutWriter;
 use tower_service::Service;
 
-/// What the pages want to see.
+/// The view that the pages request.
 #[derive(Default)]
 struct Wanted {
     settings: Settings,
@@ -69,17 +69,17 @@ struct Wanted {
     reads: bool,
 }
 
-/// A scene, how it is looked at, and by whom.
+/// A scene, its view, and the pages that show it.
 #[derive(Default)]
 struct Viewer {
     options: ViewOptions,
-    /// What the address begins with: the host, and a secret.
+    /// The beginning of the address: the host, and a secret.
     host: String,
     token: String,
     scene: RwLock<Option<(Mesh, World)>>,
     wanted: Mutex<Wanted>,
     changed: Condvar,
-    /// Stops the run that goes on.
+    /// Stops the current run.
     interrupt: Interrupt,
     /// The newest image as a message, and the state of the view by name.
     image: watch::Sender<Bytes>,
@@ -87,7 +87,7 @@ struct Viewer {
     render: Mutex<Option<Render>>,
 }
 
-/// A value that only one thread has.
+/// Locks a value for one thread.
 fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
     value.lock().expect("no panic with the lock")
 }
@@ -104,11 +104,11 @@ fn message(text: &Value, numbers: &[u8]) -> Bytes {
 struct Render {
     pt: Child,
     folder: TempDir,
-    /// Whether it goes on.
+    /// Whether it still runs.
     runs: bool,
 }
 
-/// The files of a render, and what it has said.
+/// The files of a render, and its log.
 const FILES: [&str; 4] =
     ["image.png", "image.exr", "report.html", "report.json"];
 const LOG: &str = "log";
@@ -165,7 +165,7 @@ fn run() -> Result<(), options::Error> {
 
 const RANDOM: &str = "/dev/urandom";
 
-/// So many random digits that nobody guesses them.
+/// Enough random digits that nobody guesses them.
 fn secret() -> io::Result<String> {
     let mut bytes = [0; 16];
     File::open(RANDOM)?.read_exact(&mut bytes)?;
@@ -202,7 +202,7 @@ const SETTINGS: [(&str, &str); 11] = [
     ("--error", "--error"),
 ];
 
-/// The settings with which a view begins, which are taken out of the words.
+/// The first settings of a view, which are removed from the words.
 fn begin(words: &mut Vec<String>) -> Settings {
     let mut settings = Settings::new();
     let mut typed = mem::take(words).into_iter().peekable();
@@ -281,14 +281,14 @@ const HEADERS: [(&str, &str); 4] = [
 const POLICY: &str =
     "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'";
 
-/// What is known before a view is rendered.
+/// Estimates that exist before a view is rendered.
 #[derive(Default)]
 struct Guess {
     /// Seconds for a sample of a pixel of a small image.
     pace: f64,
     /// The mean radiance of an image.
     mean: f64,
-    /// What a gather has learnt last.
+    /// The cache that a gather has learnt last.
     cache: Option<Arc<RadianceCache>>,
 }
 
@@ -300,7 +300,7 @@ impl Guess {
         self.take(&gather.learnt);
     }
 
-    /// Takes what was learnt, if anything was.
+    /// Keeps the new cache, if there is one.
     fn take(&mut self, learnt: &OnceLock<Learnt>) {
         let learnt = learnt.get().map(|learnt| learnt.cache.clone());
         self.cache = learnt.or(self.cache.take());
@@ -315,8 +315,8 @@ fn small(world: &World, scale: u32) -> LitView<'_> {
     view
 }
 
-/// A gather without corrections that knows a cache or will learn one, and the
-/// film of its image, which is so many times smaller.
+/// A gather without corrections, with a cache or to learn one, and the film
+/// of its image, which is so many times smaller.
 fn small_gather(
     world: &World,
     scale: u32,
@@ -347,7 +347,7 @@ fn small_gather(
 }
 
 impl Viewer {
-    /// Changes what is wanted, and stops the run that shows something else;
+    /// Changes the requested view, and stops the run that shows another;
     /// returns the number of the change.
     fn want(&self, change: impl FnOnce(&mut Wanted)) -> u64 {
         let mut wanted = lock(&self.wanted);
@@ -358,7 +358,7 @@ impl Viewer {
         wanted.number
     }
 
-    /// Shows what is wanted, as long as the program lasts.
+    /// Shows the requested view, as long as the program lasts.
     fn work(&self) {
         let (mut guess, mut done) = (Guess::default(), 0);
         let mut good = lock(&self.wanted).settings.clone();
@@ -374,7 +374,7 @@ impl Viewer {
             self.interrupt.reset();
             drop(wanted);
             let shown = self.show(done, settings, reads, &mut guess);
-            // Keep settings that can be shown
+            // Restore settings that can be shown
             let mut wanted = lock(&self.wanted);
             if wanted.number == done {
                 match shown {
@@ -388,7 +388,7 @@ impl Viewer {
         }
     }
 
-    /// Shows a view until another one is wanted, or its error is reached.
+    /// Shows a view until another is requested, or its error is reached.
     fn show(
         &self,
         number: u64,
@@ -397,7 +397,7 @@ impl Viewer {
         guess: &mut Guess,
     ) -> Result<()> {
         let mut plan = self.plan(&settings)?;
-        // Have the scene shown in this view
+        // Update the scene for this view
         let read = reads.then(|| open(plan.clone())).transpose()?;
         let mut scene = self.scene.write().expect("no panic with the lock");
         *scene = read.or(scene.take());
@@ -451,8 +451,8 @@ impl Viewer {
         self.look(world, &self.plan(&settings)?, guess)
     }
 
-    /// Puts where the camera stands and what is up into the settings, and tells
-    /// pages all of them, unless something else is wanted by now.
+    /// Puts the camera and its zenith into the settings, and sends them to the
+    /// pages, unless another view is requested by now.
     fn publish(&self, number: u64, world: &World, plan: &Plan) {
         let mut wanted = lock(&self.wanted);
         if wanted.number != number {
@@ -491,7 +491,7 @@ impl Viewer {
         self.tell(state);
     }
 
-    /// Shows what some samples give, for an image that is so many times smaller.
+    /// Shows an image of few samples that is so many times smaller.
     fn glance(
         &self,
         world: &World,
@@ -561,7 +561,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Sends an image, and what is said about it.
+    /// Sends an image, and a description of it.
     fn send_image(&self, film: &Film, mut about: Value) {
         let filtered = Filtered::of(film);
         let means: Vec<f64> = film.means().collect();
@@ -578,7 +578,7 @@ impl Viewer {
         self.image.send_replace(message(&about, &bytes));
     }
 
-    /// Tells all pages what has changed of the state of the view.
+    /// Sends changes of the state of the view to all pages.
     fn tell(&self, news: Value) {
         let Value::Object(news) = news else { return };
         self.state.send_modify(|state| state.extend(news));
@@ -592,7 +592,7 @@ impl Viewer {
         ([(CONTENT_TYPE, kind)], Body::new(stream))
     }
 
-    /// Sends a page what is shown, until it is closed.
+    /// Sends the states and the images to a page, until it is closed.
     async fn stream(&self, mut page: Sender<Bytes>) {
         let beat = Duration::from_millis(250);
         let mut image = self.image.subscribe();
@@ -623,7 +623,7 @@ impl Viewer {
         }
     }
 
-    /// The answers to what a page may ask for.
+    /// The functions that answer the requests of a page.
     fn routes(&'static self) -> Router {
         let at = |name| format!("/{}/{name}", self.token);
         let text = |kind, text: &'static str| {
@@ -711,8 +711,8 @@ impl Viewer {
         }
     }
 
-    /// Changes settings, of which a null takes one away; returns the number of
-    /// the change.
+    /// Changes settings, and removes those that are null; returns the
+    /// number of the change.
     fn set(&self, body: &Value) -> u64 {
         self.want(|Wanted { settings, reads, .. }| {
             *reads |= body["read"] == true;
@@ -733,7 +733,7 @@ impl Viewer {
         })
     }
 
-    /// What a point of the image shows: where it is, and in which face; nothing
+    /// The place of a point of the image in the scene, and its face; nothing
     /// if it is the sky, or the scene is being changed.
     fn pick(&self, body: &Value) -> Option<Value> {
         let scene = self.scene.try_read().ok()?;
@@ -783,7 +783,8 @@ impl Viewer {
         Ok(Render { pt: command.spawn()?, folder, runs: true })
     }
 
-    /// Tells pages how far a render is, and goes on with the view at its end.
+    /// Sends the progress of a render to pages, and returns to the view at its
+    /// end.
     fn watch_render(&self) {
         let mut render = lock(&self.render);
         let Some(own) = render.as_mut().filter(|own| own.runs) else {
@@ -810,7 +811,7 @@ impl Viewer {
         }
     }
 
-    /// Ends a render that goes on, whose files are lost.
+    /// Ends the current render; its files are lost.
     fn stop_render(&self) {
         let mut render = lock(&self.render);
         let Some(mut own) = render.take_if(|own| own.runs) else { return };

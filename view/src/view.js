@@ -15,7 +15,7 @@ const unit = (a) => scaled(a, 1 / Math.hypot(...a));
 const turned = (v, axis, angle) => add(add(scaled(v, Math.cos(angle)),
   cross(axis, v), Math.sin(angle)), axis, dot(axis, v) * (1 - Math.cos(angle)));
 
-// What the server has told, and the camera as it is moved here.
+// The state that the server has sent, and the camera as it is moved here.
 let state = {}, view = null, image = null, sent = 0, grip = null;
 let exposure = null, stops = null, pivot = null, showsErrors = false;
 
@@ -87,7 +87,7 @@ function tellRender(render) {
   }
 }
 
-// The options that are asked for, and the command that has them.
+// The requested options, and the command with them.
 const asked = () => ({ ...state.error && { "--error": state.error },
   "--exposure": exposure, ...state.settings });
 
@@ -148,7 +148,7 @@ function paint() {
   canvas.getContext("2d").putImageData(picture, 0, 0);
 }
 
-// How bright a pixel is, by the curve of sRGB; or its relative error.
+// The brightness of a pixel, by the curve of sRGB; or its relative error.
 function level(i) {
   const { numbers, size: [width, height], moves } = image;
   const area = width * height;
@@ -272,7 +272,7 @@ canvas.addEventListener("dblclick", async (event) => {
   if (found) put(view.position, found.point);
 });
 
-// Tells the value of the pixel under the pointer, and its face.
+// Shows the value of the pixel under the pointer, and its face.
 let asks = false;
 async function point(event) {
   if (asks || !image || image.moves) return;

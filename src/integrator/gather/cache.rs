@@ -148,7 +148,7 @@ impl Record {
     }
 }
 
-/// What is known of the surfaces in a cell.
+/// The radiance of the surfaces in a cell, its error, and its guide.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Cell {
@@ -163,7 +163,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// The same of a surface whose albedo is a part of the largest.
+    /// The cell for a surface whose albedo is this part of the largest.
     pub fn scaled(self, relative_albedo: f32) -> Self {
         let (value, error) =
             (relative_albedo * self.value, relative_albedo * self.error);
@@ -174,7 +174,8 @@ impl Cell {
 /// Stands for cosine sampling.
 const NO_GUIDE: u32 = u32::MAX;
 
-/// Of a place that training has not seen: about the sky's radiance at most.
+/// A place that training has not seen: wrong by the sky's radiance at most,
+/// about.
 pub const UNSEEN: Cell =
     Cell { mark: 0, value: 0., error: 1., guide: NO_GUIDE };
 
@@ -185,15 +186,15 @@ pub struct RadianceCache {
     pub grid: Grid,
     /// The table; its length is a power of two.
     pub cells: Vec<Cell>,
-    /// Where light came from, by the numbers that cells have; without them,
-    /// all directions are sampled by the cosine.
+    /// Where light came from, by the numbers in the cells; without them, all
+    /// directions are sampled by the cosine.
     pub guides: Vec<Guide>,
     /// The mean error that a ray meets, over the mean radiance.
     pub relative_error: f32,
 }
 
 impl RadianceCache {
-    /// A cache that knows nothing.
+    /// A cache that has learnt nothing.
     pub fn empty(grid: Grid) -> Self {
         let (cells, guides) = (vec![UNSEEN], vec![]);
         Self { grid, cells, guides, relative_error: 1. }
@@ -230,7 +231,7 @@ impl RadianceCache {
         self.guides.get(cell.guide as usize)
     }
 
-    /// Whether the table and all that it says can be used.
+    /// Whether the table and all its contents can be used.
     pub fn is_sound(&self) -> bool {
         let Self { cells, guides, .. } = self;
         let is_known =
@@ -245,8 +246,8 @@ impl RadianceCache {
             && guides.iter().all(Guide::is_sound)
     }
 
-    /// A cache that learns from records, which it sorts, and begins with
-    /// what this one knows; any number of threads gives the same. If `watch`
+    /// A cache that learns from records, which it sorts, and begins with the
+    /// values of this one; any number of threads gives the same. If `watch`
     /// stops it, the cache is of no use.
     pub fn learn(
         &self,
@@ -274,7 +275,7 @@ impl RadianceCache {
         let values = equations.solve(start, watch);
         let errors = equations.errors(&values);
         let (guides, numbers) = equations.guides(&values);
-        // Fill the table with what is known now
+        // Fill the table with values, errors and guides
         for (c, &name) in equations.cells.names.iter().enumerate() {
             let (slot, mark) = cache.slot(name);
             let (value, error, guide) = (values[c], errors[c], numbers[c]);
@@ -294,8 +295,8 @@ impl RadianceCache {
         cache
     }
 
-    /// Where a record arrives: the number of a cell, or no cell. This is a
-    /// table that has them.
+    /// Where a record arrives: the number of a cell, or no cell. The table
+    /// has to hold these numbers.
     fn end(&self, record: &Record) -> u32 {
         match record.to {
             DARKNESS.. => END_IN_SKY | record.to as u32,
@@ -385,7 +386,7 @@ struct Equations<'a> {
 }
 
 impl Equations<'_> {
-    /// What record `i` reflects.
+    /// The radiance that record `i` reflects.
     fn term(&self, values: &[f32], i: usize) -> f32 {
         self.albedo * self.records[i].weight * self.arriving(values, i)
     }
@@ -433,7 +434,7 @@ impl Equations<'_> {
     }
 
     /// The expected error of the value of each cell: positive. A coarser one
-    /// stands for places without a record, and may be wrong by all it says.
+    /// stands for places without a record, and may be wrong by its whole value.
     fn errors(&self, values: &[f32]) -> Vec<f32> {
         let cells = &self.cells;
         let first = self.sums(|i| self.term(values, i));
@@ -525,7 +526,7 @@ fn is_settled(before: &[f32], now: &[f32]) -> bool {
 /// Records that a cell with a guide of its own has at least.
 const ENOUGH: f32 = 1000.;
 
-/// The roots of the bins, each averaged with its neighbours first.
+/// The square roots of the bins, each averaged with its neighbours first.
 fn smooth(bins: &[f32; BINS]) -> [f32; BINS] {
     let near = |i: usize| i.saturating_sub(1)..(i + 2).min(SIDE);
     array::from_fn(|b| {

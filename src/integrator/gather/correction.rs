@@ -3,8 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The correction of a cache's error, shared among the samples of a group.
 //!
-//! Of a tile's samples, sorted by place, each group takes one in so many:
-//! all groups are spread over the tile alike.
+//! The samples of a tile are sorted by place, and each of n groups takes
+//! every n-th: all groups are spread over the tile alike.
 //!
 //! Its bits belong to `GATHER_VERSION`.
 
@@ -52,9 +52,9 @@ struct Corrector<'c, 't, K> {
     correction: Correction,
     samples: &'c [Sample],
     random: &'c mut Pcg64,
-    /// Those of the pixels of the tile.
+    /// The sums of the pixels of the tile.
     sums: &'c mut [f64],
-    /// What is gathered and corrected of each sample.
+    /// The gathered and the corrected part of each sample.
     parts: &'c mut [[f64; 2]],
 }
 
@@ -84,8 +84,8 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         }
     }
 
-    /// The probability with which a draw at `y` is kept, small where many of the
-    /// group see it; the caller rounds the number by chance.
+    /// The probability of keeping a draw at `y`: small if many of the group see
+    /// it. The caller rounds the number of draws at random.
     fn keep_probability(&mut self, group: &[usize], y: &Hit) -> f64 {
         let mut seen = 0.5;
         for _ in 0..VISIBILITY_TESTS {
@@ -100,9 +100,9 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         (1. / (CANDIDATES * f64::sqrt(part * fill))).min(1.)
     }
 
-    /// Shares the error of what sample `k` has met among all samples of
-    /// its group that see the place: what they get, each over the radiance of
-    /// its pixel, adds up to `total`.
+    /// Shares the error of the place that sample `k` has met among all
+    /// samples of its group that see it. The shares, each divided by the
+    /// radiance of its pixel, add up to `total`.
     fn distribute(&mut self, group: &[usize], k: usize, total: f64) {
         let samples = self.samples;
         let Some((y, _)) = &samples[k].end else { return };
@@ -161,9 +161,9 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         self.tracer.gather.view.surfaces.albedo(x.primitive) * sum
     }
 
-    /// The mean of what comes from rays that leave `x`, as far as the cache
-    /// knows it. Fills in which of their ends to correct: `paths` of them,
-    /// each with the weight of its correction.
+    /// The mean radiance that rays from `x` find, according to the cache.
+    /// Fills `ends` with those to correct: `paths` of them, each with the
+    /// weight of its correction.
     fn gather_at(
         &mut self,
         x: &Hit,
@@ -252,22 +252,22 @@ fn draws(next: &mut f64, reached: f64, step: f64) -> f64 {
     draws
 }
 
-/// Places that are drawn for one that is corrected, where a whole group
-/// sees them.
+/// Places that are drawn for each one corrected, if the whole group sees
+/// them.
 const CANDIDATES: f64 = 4.;
 
-/// Samples of a group that are tested whether they see a place.
+/// Samples of a group that are tested for seeing a place.
 const VISIBILITY_TESTS: u32 = 8;
 
 /// The end of a ray of a gather, which may be corrected.
 struct Candidate {
     hit: Hit,
     cell: Cell,
-    /// With which its radiance counts in the gather; if it is chosen, that
-    /// of its correction.
+    /// The weight of its radiance in the gather; once it is chosen, of its
+    /// correction.
     weight: f64,
-    /// What its choice is in proportion to: the weight times what the cell
-    /// says of value and error.
+    /// It is chosen with a probability proportional to this: the weight
+    /// times the value and the error of the cell.
     importance: f64,
 }
 

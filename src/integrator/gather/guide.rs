@@ -77,7 +77,7 @@ pub struct Guide {
 /// The probability that is spread over all bins alike.
 const DEFENCE: f32 = 0.12;
 
-/// Where intervals of lengths in proportion to these positive numbers
+/// Where intervals with lengths proportional to these positive numbers
 /// begin, in units of 2^-16.
 fn starts(parts: [f32; SIDE]) -> [u16; SIDE] {
     let sum: f32 = parts.iter().sum();
@@ -132,7 +132,7 @@ impl Guide {
         row * column * (BINS as f64 / 65536. / 65536.)
     }
 
-    /// Whether all bins have a density, as those of [`Guide::new`] have.
+    /// Whether all bins have a positive density, as in a new guide.
     pub fn is_sound(&self) -> bool {
         let intervals = self.columns.iter().chain([&self.rows]);
         let rises =

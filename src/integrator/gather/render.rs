@@ -74,7 +74,7 @@ impl Dispatch for Learn<'_> {
         let gather = &Gather { seed, correction, learnt, ..*gather };
         let allocation = &Allocation::even(film.run_window, 1);
         let prototype = Tracer::new(gather, intersector, cache, allocation);
-        // Learn a cache, and another for a glance
+        // Train a cache, and another for a glance
         let known = self.gather.learnt.get();
         let (cache, rays) = match known {
             Some(known) => (known.cache.clone(), 0),
@@ -93,7 +93,7 @@ impl Dispatch for Learn<'_> {
         };
         let rays = rays + more;
         let prototype = Tracer { cache: &cache, ..prototype };
-        // Ask a pilot, if there are corrections
+        // Run a pilot, if there are corrections
         let (allocation, pilot, traced) = match self.gather.correction {
             None => {
                 let allocation =

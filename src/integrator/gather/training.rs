@@ -30,9 +30,9 @@ const BATCH: u64 = 64;
 const TRAINING: u64 = u64::MAX;
 
 impl<K: Intersector> Tracer<'_, K> {
-    /// The records of paths of about so many rays, those of a piece of the
-    /// training; `visit` is told each point that reflects. Fewer if `watch`,
-    /// which is told the rays, stops it.
+    /// The records of a piece of the training, from paths of about so many
+    /// rays; `visit` gets each point that reflects. Fewer if `watch`, which
+    /// gets the rays, stops it.
     fn explore(
         &mut self,
         rays: u64,
@@ -96,7 +96,7 @@ impl<K: Intersector> Tracer<'_, K> {
 }
 
 /// Appends what all processes find in so many pieces to `found`, and
-/// returns their rays; none if `watch`, which is told those of the others,
+/// returns their rays; none if `watch`, which gets the rays of the others,
 /// stops one.
 fn find_together<T: Pod + Send>(
     prototype: &Gather,
@@ -137,7 +137,7 @@ const ROUNDS: [u64; 3] = [15, 25, 60];
 const LEAST_FALL: f32 = 0.036;
 
 /// Learns a cache with tracers like this one; returns it and the rays, or
-/// none if `watch`, which is told the rays, stops it.
+/// none if `watch`, which gets the rays, stops it.
 pub fn train<K: Intersector>(
     prototype: &Tracer<K>,
     watch: &Watch,
@@ -177,18 +177,18 @@ pub fn train<K: Intersector>(
 /// chooses a method is another.
 pub const PILOT_SAMPLES: u64 = 8;
 
-/// What a pilot finds.
+/// The findings of a pilot.
 pub struct Found {
     /// Mean and variance of the pixels, tile by tile.
     pub pixels: Vec<[f64; 2]>,
-    /// What it has gathered for the fragments of each tile, if these are known.
+    /// The light gathered for the fragments of each tile, if these are known.
     pub gathered: Vec<Vec<Gathered>>,
     /// Its rays.
     pub rays: u64,
 }
 
-/// Has a pilot render the tiles of a run, or those of a film alone; none if
-/// `watch`, which is told the rays, stops it.
+/// Renders the pilot of the tiles of a run, or of those of a film alone;
+/// none if `watch`, which gets the rays, stops it.
 pub fn pilot<K: Intersector>(
     prototype: &Tracer<K>,
     film: &Film,
@@ -238,7 +238,7 @@ pub fn pilot<K: Intersector>(
         &mut words,
         watch,
     )?;
-    // Take what the pilot has found of each tile
+    // Decode the findings of each tile
     let mut words = words.into_iter();
     let mut word = || words.next().unwrap_or_default();
     let (mut pixels, mut gathered) = (vec![], vec![]);
@@ -254,7 +254,7 @@ pub fn pilot<K: Intersector>(
 }
 
 /// Samples for each pixel of the window of a film's run, one replicate on
-/// average, in proportion to the standard deviation that a pilot has found.
+/// average, proportional to the standard deviation that a pilot has found.
 /// None if `watch` stops it.
 pub fn allocate<K>(
     prototype: &Tracer<K>,
@@ -263,7 +263,7 @@ pub fn allocate<K>(
     watch: &Watch,
 ) -> Option<Allocation> {
     let (window, mean) = (film.run_window, film.net_size);
-    // Sort what the pilot has found by rows
+    // Sort the findings by rows
     let mut found = found.iter();
     let mut means = vec![0.; window.area()];
     let mut variances = means.clone();
@@ -278,7 +278,7 @@ pub fn allocate<K>(
     let middle = average(&means);
     let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
-    // Find what the samples are in proportion to
+    // Compute the need of each pixel
     let ErrorNorm { relative, largest } = prototype.gather.norm;
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
     let common = 0.5 * average(&variances) / average(&squares);

@@ -1,7 +1,7 @@
 // Tangled from chapters/choice.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The costs of methods, foreseen from a pilot.
+//! The costs of methods, predicted from a pilot.
 
 use super::pilot::Pilot;
 use super::sampling::{Method, Pixels, Sampling};
@@ -16,7 +16,7 @@ impl Pilot {
         if *sky_variance > 0. { best } else { 0. }
     }
 
-    /// What it leaves of the variance of the first direction.
+    /// The variance of the first direction that the control variate leaves.
     fn controlled(&self) -> f64 {
         let control = self.control();
         let change = 2. * control * self.covariance
@@ -25,9 +25,9 @@ impl Pilot {
     }
 }
 
-/// What a pilot foresees of the images of a window.
+/// Predicts what images of a window cost.
 pub struct Forecast {
-    /// What a pilot has found.
+    /// The measured means.
     pub pilot: Pilot,
     /// A typical albedo of the surfaces.
     pub albedo: f64,
@@ -41,8 +41,8 @@ impl Forecast {
         self.pixels.area as f64
     }
 
-    /// The variance of a sample and its rays, these in units of the rays of
-    /// paths, for `samples` of each pixel. The constants are fits to measured
+    /// The variance of a sample and its rays, in units of the rays of paths,
+    /// for `samples` of each pixel. The constants are fits to measured
     /// images.
     pub fn foresee(&self, sampling: &Sampling, samples: f64) -> [f64; 2] {
         let Pilot { square, first, later, rays, .. } = self.pilot;
@@ -53,7 +53,7 @@ impl Forecast {
                 [self.pilot.controlled() * net + later, 1.05 * rays]
             }
             Method::Gather => {
-                // Foresee the variance and the rays of a gather
+                // Predict the variance and the rays of a gather
                 let part = if self.pixels.is_list { RECEIVED } else { 1. };
                 let once =
                     self.learning(sampling) / (self.area() * samples);
@@ -70,7 +70,7 @@ impl Forecast {
         }
     }
 
-    /// The rays of a sample with its part of the corrections.
+    /// The rays of a sample, with its part of the corrections.
     fn gathering(&self, sampling: &Sampling) -> f64 {
         let further = 4.7 * self.albedo * self.pilot.indirect;
         let more = 0.5 / sampling.net_size as f64;
@@ -88,8 +88,9 @@ impl Forecast {
         if self.pixels.is_list { 1. } else { self.pilot.first_rays }
     }
 
-    /// The samples of each pixel of a window after which the image has an error,
-    /// up to a fifth too many, and two at least: one has no error yet.
+    /// The samples of each pixel of a window after which the image has an
+    /// error. They are up to a fifth too many, and at least two, for one has
+    /// no error.
     pub fn needed(&self, method: Method, square: f64) -> u64 {
         let is_enough = |&n: &u64| {
             let sampling = Sampling::new(method, 0, Some(n), self.pixels);
@@ -102,7 +103,7 @@ impl Forecast {
     }
 
     /// The mean square error of an image that is good enough. The error of the
-    /// worst pixel is taken for three times that of all.
+    /// worst pixel is assumed to be three times the error of the image.
     pub fn allowed(&self, (error, of): (f64, ErrorNorm)) -> f64 {
         let whole = if of.relative { self.pilot.square } else { 1. };
         let part = if of.largest { 1. / 9. } else { 1. };
@@ -123,14 +124,14 @@ impl Forecast {
     }
 }
 
-/// What a gather leaves of the variance of receivers, which have no pixel
-/// that only chance samples, beside that of pixels.
+/// The variance that a gather leaves for receivers, whose points are fixed,
+/// over what it leaves for pixels.
 const RECEIVED: f64 = 1. / 12.;
 
 /// The pixels of the images to which the constants of a gather are fitted.
 const FITTED_AREA: f64 = 320. * 240.;
 
-/// Samples of each pixel for which the method of a picture is chosen at least.
+/// The least number of samples for which a picture's method is chosen.
 pub const SHOWN: u64 = 64;
 
 /// Samples of a run without a limit.

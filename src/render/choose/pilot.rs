@@ -1,7 +1,7 @@
 // Tangled from chapters/choice.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A few paths that tell what methods cost.
+//! A few paths, from which the costs of methods are predicted.
 
 use std::array;
 
@@ -17,7 +17,7 @@ use crate::film::Window;
 use crate::integrator::{Integrator, PathEvent, PathTracer};
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
 
-/// What a few paths tell of those of an image: means over its pixels.
+/// Means over pixels of an image, estimated from a few paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Pilot {
@@ -34,19 +34,19 @@ pub struct Pilot {
     pub covariance: f64,
     /// The rays of a path; none if it meets no surface.
     pub rays: f64,
-    /// Those of them up to the second surface.
+    /// The rays of a path up to its second surface.
     pub first_rays: f64,
     /// The share of paths that go on from a second surface.
     pub indirect: f64,
 }
 
-/// A pilot that waits for its intersector.
+/// A pilot before it runs.
 pub struct Trial<'a> {
     /// The scene.
     pub setup: &'a Setup<'a>,
     /// The part of the image that is rendered.
     pub window: Window,
-    /// Pixels that are drawn.
+    /// The number of pixels to draw.
     pub pixels: u64,
 }
 
@@ -136,7 +136,7 @@ impl Trial<'_> {
             }
             _ => 0.,
         };
-        // Go on twice from the first surface
+        // Continue two paths from the first hit
         [1, 2].map(|k| {
             let (mut path, mut event, mut sampler) =
                 (path, event, number(k));

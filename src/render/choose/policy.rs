@@ -1,8 +1,8 @@
 // Tangled from chapters/choice.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Which method makes the samples of a request, and the rules for how many of
-//! what there will be, which the render loop applies.
+//! Chooses the method of a request and the limits of a run, which the
+//! render loop applies.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -18,11 +18,11 @@ use crate::film::{ErrorNorm, Window};
 use crate::sensor::Sensor;
 
 impl Setup<'_> {
-    /// Chooses how the samples of a request are made, or as many as have the
-    /// error that was asked for, by the method that is wanted or by any; none
-    /// if these are too few for a pilot. A method that could not give each
-    /// pixel a sample in the time that is left is not chosen, even if it is
-    /// wanted.
+    /// Chooses how the samples of a request are made, by the method that is
+    /// wanted or by any; none if the samples are too few for a pilot. A limit
+    /// of error counts as the samples that reach it. A method that could not
+    /// give each pixel a sample in the time that remains is not chosen, even
+    /// if it is wanted.
     pub fn choose(&self, request: &Request) -> Option<Choice> {
         let (area, samples) = (request.area(), request.bound());
         let least = if request.shows { SHOWN } else { 1 };
@@ -35,7 +35,7 @@ impl Setup<'_> {
         let began = Instant::now();
         let pilot = self.intersector.dispatch(trial);
         let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
-        // Foresee the costs of all methods
+        // Predict the costs of all methods
         let &Request { seed, budget: Budget { error, .. }, .. } = request;
         let albedo = self.view.surfaces.typical;
         let pixels = self.pixels(request.window);
@@ -77,7 +77,7 @@ impl Setup<'_> {
         let &(mut sampling, _) =
             best(request.method).or_else(|| best(None))?;
         if request.shows {
-            // Make a picture soon
+            // Shorten the work of a picture
             let area = request.area();
             let few = Sampling { net_size: 8, ..sampling };
             let seconds = 3. * forecast.first_paths(&few) * pace;
@@ -101,7 +101,7 @@ impl Setup<'_> {
                     sampling.net_size.clamp(least, 1 << most);
             }
         }
-        // Foresee the gains of all methods
+        // Compute the gains of all methods
         let reference = methods[0].1;
         let gain = |cost: f64| match reference > 0. {
             true => reference / cost.max(1e-3 * reference),
@@ -111,8 +111,8 @@ impl Setup<'_> {
         Some(Choice { pilot, sampling, gains })
     }
 
-    /// How the samples are made: as in a checkpoint, if there is one. And what
-    /// a pilot has found, if it has chosen.
+    /// How the samples are made: as in a checkpoint, if there is one. The
+    /// second value is the choice, if a pilot has made it.
     pub fn decide(
         &self,
         request: &Request,
@@ -122,7 +122,7 @@ impl Setup<'_> {
         let only = is_known.then_some(Method::Reference);
         let begun = saved.map(|saved| saved.method);
         let wanted = request.method.or(begun).or(only);
-        // Say whether a pilot is needed
+        // Decide whether a pilot is needed
         let asks = match wanted {
             None => true,
             Some(Method::Reference) => false,
@@ -148,13 +148,13 @@ impl Setup<'_> {
     }
 }
 
-/// What a pilot has found, and what follows.
+/// The chosen sampling, and the reasons.
 pub struct Choice {
-    /// What a few paths tell.
+    /// The measured means.
     pub pilot: Pilot,
     /// How samples are to be made.
     pub sampling: Sampling,
-    /// Of each method, the time of the reference over its own, for the same
+    /// For each method, the time of the reference over its own, for the same
     /// error.
     pub gains: [(Method, f64); 3],
 }
@@ -192,9 +192,9 @@ pub struct Request {
     pub window: Window,
     /// When the run ends.
     pub budget: Budget,
-    /// Seconds that are left.
+    /// Seconds that remain.
     pub left: Option<f64>,
-    /// Whether all that is asked for is a picture.
+    /// Whether only a picture is asked for.
     pub shows: bool,
 }
 
@@ -204,8 +204,8 @@ impl Request {
         self.window.area() as u64
     }
 
-    /// Samples of each pixel at most. A limit of time counts as those that one
-    /// thread with a quarter of `RATE` gathers: the same on each machine.
+    /// The largest number of samples of a pixel. A limit of time counts as the
+    /// samples of one thread with a quarter of `RATE`: the same everywhere.
     fn bound(&self) -> Option<u64> {
         let rate = 0.25 * RATE / GATHER_RAYS as f64;
         let timed =
@@ -222,7 +222,7 @@ pub struct Budget {
     pub samples: Option<u64>,
     /// Seconds from the start of the program.
     pub time: Option<f64>,
-    /// The error to reach, and which error it is.
+    /// The error to reach, and the kind of error.
     pub error: Option<(f64, ErrorNorm)>,
 }
 
@@ -284,10 +284,10 @@ impl Sampling {
     }
 }
 
-/// Rays per second that a thread is guessed to trace.
+/// Assumed rays per second of a thread.
 const RATE: f64 = 4e6;
 
-/// A guess of how many rays are traced for so many pixels or receivers, by
+/// An estimate of the rays that so many pixels or receivers need, with
 /// surfaces of this albedo.
 pub(crate) fn expected_rays(
     &Budget { samples, time, error }: &Budget,
@@ -319,8 +319,8 @@ pub(crate) fn expected_rays(
 /// The number of paths before which no error is believed.
 pub const MIN_PATHS: f64 = 1000.;
 
-/// The samples of each of so many pixels after which an error is expected to
-/// be reached, given the error after some samples, if it is known.
+/// The predicted samples of each of so many pixels at which an error is
+/// reached, given the error after some samples, if it is known.
 pub(crate) fn samples_to_error(
     target: f64,
     (spp, error): (u64, Option<f64>),

@@ -48,7 +48,7 @@ impl fmt::Display for Method {
     }
 }
 
-/// What decides the samples of an image, beside the scene and the view.
+/// What decides the samples of an image, apart from the scene and the view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sampling {
     /// How samples are made.
@@ -58,17 +58,17 @@ pub struct Sampling {
     /// Samples of a pixel that are placed together, on average.
     #[serde(rename = "replicate")]
     pub net_size: u64,
-    /// At most about as many rays train the cache of a gather.
+    /// About the largest number of rays that train the cache of a gather.
     pub training: u64,
-    /// Of paths in nets, [`PathTracer::control`] in per cent.
+    /// For paths in nets, [`PathTracer::control`] in per cent.
     #[serde(rename = "sky_control")]
     pub control: u64,
-    /// Of a gather, the error for which its samples are distributed.
+    /// For a gather, the error for which its samples are distributed.
     #[serde(rename = "measure")]
     #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
     pub norm: ErrorNorm,
-    /// Whether its image is a glance, and the values of a gather keep the error
-    /// of its cache.
+    /// Whether the image is a glance: the values of a gather then keep the
+    /// error of its cache.
     #[serde(default, skip_serializing_if = "Not::not")]
     pub glance: bool,
 }
@@ -83,16 +83,16 @@ pub struct Pixels {
 }
 
 impl Pixels {
-    /// Those of an image of this width and height.
+    /// The pixels of an image of this width and height.
     pub fn of_image((width, height): (u32, u32)) -> Self {
         Self { area: u64::from(width) * u64::from(height), is_list: false }
     }
 }
 
 impl Sampling {
-    /// For `samples` of each pixel of a film, if that is known, in at least 16
-    /// replicates; of a net 4 in an image, whose pixels borrow from their
-    /// neighbours.
+    /// A sampling for `samples` of each pixel, if that is known. A pixel has
+    /// at least 16 replicates; in an image, whose pixels borrow from their
+    /// neighbours, four are enough for nets.
     pub fn new(
         method: Method,
         seed: u64,
@@ -128,8 +128,8 @@ impl Sampling {
         }
     }
 
-    /// Names the code that decides the samples: those of different names are
-    /// not to be mixed.
+    /// The name of the code that decides the samples: samples of different
+    /// names must not be mixed.
     pub fn identity(&self) -> String {
         match self.method {
             Method::Gather => format!("gather {GATHER_VERSION}"),
@@ -138,10 +138,11 @@ impl Sampling {
     }
 }
 
-/// Rays of a gather with its part of the correction, about.
+/// About the rays of a sample of a gather, with its part of the correction.
 pub const GATHER_RAYS: u64 = 5;
 
-/// Rays of a training that are best for as many rays of samples, about.
+/// The best number of rays of training is about the root of the rays of
+/// all samples times this.
 const BEST_TRAINING: f64 = power_of_two(21);
 
 /// Changes whenever the code that decides what a gather is does.
@@ -153,7 +154,7 @@ pub struct Setup<'a> {
     pub intersector: &'a Bvh,
     /// The view of the scene, and its light.
     pub view: LitView<'a>,
-    /// What was found.
+    /// The analysis of the scene.
     pub analysis: &'a SceneAnalysis,
 }
 
@@ -161,7 +162,7 @@ pub struct Setup<'a> {
 pub type PathJob<'a, S> = Job<'a, Bvh, PathTracer<'a>, S>;
 
 impl<'a> Setup<'a> {
-    /// The renderer of a method, which knows what was learnt, or learns it
+    /// The renderer of a method, which has what was learnt, or learns it
     /// together with other processes.
     pub fn renderer(
         &self,
