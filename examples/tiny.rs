@@ -72,10 +72,12 @@ pub fn read(text: &str) -> Result<Vec<Triangle>, Box<dyn Error>> {
                 let mut face = vec![];
                 for corner in corners {
                     let number = corner.split('/').next().unwrap_or("");
-                    let number: i64 = number.parse()?;
-                    let end = points.len() as i64;
-                    let index = if number < 0 { end + number } else { number - 1 };
-                    face.push(*points.get(index as usize).ok_or("no such point")?);
+                    let mut number: i64 = number.parse()?;
+                    if number < 0 {
+                        number += points.len() as i64 + 1;
+                    }
+                    let point = points.get((number - 1) as usize);
+                    face.push(*point.ok_or("a face has no such point")?);
                 }
                 for i in 2..face.len() {
                     triangles.push([face[0], face[i - 1], face[i]]);
@@ -148,7 +150,7 @@ fn sample(scene: &[Triangle], mut ray: Ray, random: &mut Random) -> f64 {
         ray.origin = add(ray.origin, scale(t, ray.direction));
         ray.direction = reflect(normal, random);
     }
-    throughput
+    if ray.direction[2] > 0. { throughput } else { 0. }
 }
 
 /// Where a camera stands, and three perpendicular vectors of length 1.

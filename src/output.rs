@@ -234,8 +234,8 @@ impl OutputTarget {
     ///
     /// # Errors
     /// The content cannot be written whole, or the file has come to exist.
-        /// A file that was there before is then as it was, and a finished file
-        /// is kept where the message says.
+    /// A file that was there before is then as it was, and a finished file
+    /// is kept where the message says.
     pub fn write(&self, content: &mut Content) -> Result<()> {
         match &self.0 {
             Kind::Open(number) => {

@@ -25,7 +25,9 @@ mod tiny;
 use tiny::{Camera, HEIGHT, Triangle, WIDTH};
 
 pub fn run(words: &[String]) -> Done {
-    let [file] = words else { return Err("usage: tiny TERRACE.obj".into()) };
+    let [file] = words else {
+        return Err("usage: tiny TERRACE.obj".into());
+    };
     let terrace = Case {
         triangles: tiny::read(&std::fs::read_to_string(file)?)?,
         position: [5., 0.2, 2.6],
@@ -65,7 +67,9 @@ fn slow() -> Done {
     let tiny = per_path(timed(|| Ok(ball.pixels(1)))?, 1);
     let ours = per_path(timed(|| ball.image(256, PATH, 1))?, 256);
     let number = ball.triangles.len();
-    println!("microseconds of a path, {number} triangles,{tiny:.0},{ours:.2}");
+    println!(
+        "microseconds of a path, {number} triangles,{tiny:.0},{ours:.2}"
+    );
     Ok(())
 }
 
@@ -114,7 +118,8 @@ impl Case {
     /// A mesh around the origin, scaled, seen by a camera that looks along
     /// the x axis.
     fn of(mesh: &Mesh, scale: f64, position: [f64; 3]) -> Self {
-        let corner = |i: u32| (scale * mesh.vertices[i as usize]).to_array();
+        let corner =
+            |i: u32| (scale * mesh.vertices[i as usize]).to_array();
         let triangles = mesh.triangles.iter().map(|t| t.map(corner));
         let [x, y, z] = position;
         let target = [x - 1., y, z];
