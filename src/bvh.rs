@@ -63,7 +63,7 @@ pub enum Isa {
     Avx512,
     /// Eight boxes at a time.
     Avx2,
-    /// What every processor has.
+    /// The instructions of every processor.
     Portable,
 }
 
@@ -129,7 +129,7 @@ impl Bvh {
         Self::with(scene, Quality::THOROUGH, Isa::best())
     }
 
-    /// The hierarchy of a scene, built with care `quality`, on all
+    /// The hierarchy of a scene, built to the quality given, on all
     /// threads, for the instructions `isa`.
     ///
     /// # Errors
@@ -139,9 +139,9 @@ impl Bvh {
         Self::of(scene.triangles.clone(), quality, isa, &|_| ())
     }
 
-    /// The same of `triangles` in the coordinates of a scene. Their memory
-    /// is given back part by part. How many are in the hierarchy by now
-    /// is told to `placed`.
+    /// The hierarchy of `triangles` in the coordinates of a scene. Their
+    /// memory is given back part by part. The number of triangles in the
+    /// hierarchy so far is reported to `placed`.
     ///
     /// # Errors
     /// Those of [`Self::with`].
@@ -151,7 +151,6 @@ impl Bvh {
         isa: Isa,
         placed: &dyn Fn(usize),
     ) -> Result<Self> {
-        // Build for one set of instructions
         if !isa.is_available() {
             let lacks = "this processor lacks the instructions";
             let fault = format!("{lacks} {isa}");
@@ -174,7 +173,7 @@ impl Bvh {
 
 impl Bvh {
     /// Puts a ground below the scene, given the unit vector to the zenith, or
-    /// takes it away.
+    /// removes it.
     pub fn set_ground(&mut self, zenith: Option<DVec3>) {
         let ground = zenith.map(|zenith| {
             let mut lowest = f64::INFINITY;
@@ -193,8 +192,8 @@ impl Bvh {
         ground.map_or(f64::INFINITY, |ground| ground.below(point))
     }
 
-    /// Whether a hit on a triangle is on its back, from where its corners go
-    /// round with the clock.
+    /// Whether a hit on a triangle is on its back, from where its corners
+    /// appear in clockwise order.
     pub fn is_on_back(&self, hit: &Hit) -> bool {
         let [a, b, c] = with_traverser!(&self.0,
             traverser => traverser.wide.leaves.triangle(hit.primitive));
@@ -209,7 +208,7 @@ impl Bvh {
 
     /// Whether `asked` is true of a triangle and its corners. Only boxes
     /// of which `enters` is true, given their two extreme corners, are
-    /// looked into; they are slightly larger than what they hold.
+    /// looked into; they are slightly larger than their contents.
     pub fn any_triangle(
         &self,
         enters: impl Fn(DVec3, DVec3) -> bool,
@@ -224,7 +223,7 @@ impl Bvh {
         })
     }
 
-    /// Tells all triangles, each with its slot, in the order of the hierarchy.
+    /// Visits all triangles, each with its slot, in the order of the hierarchy.
     pub fn for_each(&self, mut tell: impl FnMut(u32, &Triangle)) {
         let asked = |slot, corners: &Triangle| {
             tell(slot, corners);

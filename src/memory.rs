@@ -15,7 +15,7 @@ use std::io;
 
 use bytemuck::{Zeroable, try_zeroed_vec};
 
-/// An array of zeros, of which the system gives a part when it is used.
+/// An array of zeros; the system provides each part when it is used.
 ///
 /// # Errors
 /// The system refuses the memory.

@@ -30,7 +30,7 @@ struct Beam {
     exit: [[f32; BEAM]; 3],
     /// The end of each ray, negative for rays that are missing.
     t_max: [f32; BEAM],
-    /// Those of the first ray, whose rows are those of all.
+    /// The slabs of the first ray; all rays use the same rows.
     slabs: Slabs,
     /// Below and above along two axes.
     sides: [[Side; 2]; 2],
@@ -49,14 +49,14 @@ struct Side {
 }
 
 impl Beam {
-    /// Encloses the rays; none if they are too different, or there is none.
+    /// Encloses the rays; none if they are too different, or if there are
+    /// no rays.
     #[inline(always)]
     fn enclose(
         &mut self,
         rays: &Batch<Ray>,
         region: &Region,
     ) -> Option<()> {
-        // Find the axis along which the beam goes
         let first = rays.iter().flatten().next()?;
         let w = first.direction.abs().max_position();
         let sign = first.direction[w].signum();
@@ -148,7 +148,6 @@ impl Beam {
             let enter = node.planes[self.slabs.enter[axis]][lane];
             let leave = node.planes[self.slabs.leave[axis]][lane];
             for i in 0..BEAM {
-                // Narrow the intervals of all rays
                 let inverse = self.inverse[axis][i];
                 let a = distance(enter, inverse, self.entry[axis][i]);
                 let b = distance(leave, inverse, self.exit[axis][i]);
@@ -171,7 +170,6 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
     rays: &Batch<Ray>,
     first_hit: impl Fn(&Ray) -> Option<Hit>,
 ) -> Batch<Hit> {
-    // Leave rays that are no beam alone
     let alone = |ray: &Option<Ray>| ray.as_ref().and_then(&first_hit);
     let mut beam = Beam::default();
     let has_places = wide.nodes.len() <= u32::MAX as usize / N;
@@ -181,14 +179,12 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
     {
         return rays.each_ref().map(alone);
     }
-    // Start the searches of a beam
     let mut searches = [const { None }; BEAM];
     let mut doubtful = 0;
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut number = 0;
     'walk: loop {
-        // Push the children that the beam enters
         let keys = beam.enter(&wide.nodes[number as usize]);
         let places = array::from_fn(|i| number * N as u32 + i as u32);
         // SAFETY: no hierarchy is so deep that less than `N` are left; the
@@ -207,7 +203,6 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
             }
             while active != 0 {
                 let i = active.trailing_zeros() as usize % BEAM;
-                // Show a leaf to an active ray
                 if let Some(ray) = &rays[i] {
                     let (search, shear, margins) = searches[i]
                         .get_or_insert_with(|| {
@@ -229,7 +224,6 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
             }
         };
     }
-    // Convert the searches of a beam to hits
     array::from_fn(|i| match (&rays[i], &searches[i]) {
         (ray, _) if doubtful >> i & 1 != 0 => alone(ray),
         (Some(ray), Some((of, ..))) => hit(wide, ray, None, of),

@@ -22,7 +22,7 @@ use crate::scene::Triangle;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality(f32);
 
-/// From so many rays per triangle on, all nodes are improved.
+/// With so many rays per triangle or more, all nodes are improved.
 const REPAID: f64 = 1000.;
 
 impl Quality {
@@ -51,7 +51,7 @@ pub type Corners = ([u32; 3], u32);
 
 /// Some triangles of a scene, and the region around them.
 pub struct Group<'a> {
-    /// Those of the scene.
+    /// The vertices of the scene.
     pub vertices: &'a [DVec3],
     /// The triangles.
     pub corners: &'a [Corners],
@@ -73,10 +73,10 @@ pub fn region(vertices: &[DVec3], corners: &[Corners]) -> Region {
 /// its reach.
 const PADDING: f64 = 1. / (1 << 20) as f64;
 
-/// More of it, as a part of the coordinates of its middle: 2^-48.
+/// More padding, as a part of the coordinates of its middle: 2^-48.
 const FAR_PADDING: f64 = 1. / (1u64 << 48) as f64;
 
-/// More of it: 2^-120, since single precision is coarse where it ends.
+/// More padding: 2^-120, since single precision is coarse where it ends.
 const LEAST_PADDING: f64 = 1. / (1u128 << 120) as f64;
 
 impl Group<'_> {
@@ -87,7 +87,6 @@ impl Group<'_> {
 
     /// The leaf of a triangle, with its enlarged box.
     pub fn single(&self, i: u32) -> Bvh2Node {
-        // Enclose a triangle in its region
         let Region { zero, reach, .. } = self.region;
         let place = |p: DVec3| Vec3A::from((p - zero).as_vec3());
         let [a, b, c] = self.triangle(i).map(place);
@@ -129,7 +128,6 @@ fn in_morton_order(group: &Group) -> Vec<u32> {
     let boxes = numbers.clone().map(|i| *leaf(i).aabb());
     let extent = boxes.reduce(Aabb::empty, |a, b| a.union(&b));
     let (low, size) = (extent.min.as_dvec3(), extent.diagonal().as_dvec3());
-    // Sort the triangles by their codes
     let key = |i| {
         let middle = leaf(i).aabb().center().as_dvec3();
         (morton_encode_u64_unorm((middle - low) / size), i)
@@ -147,13 +145,11 @@ fn join(mut nodes: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
     let mut partners = vec![0; count];
     let mut depth = 1;
     while count > 1 {
-        // Join the clusters that choose each other
         let before = count;
         let reach = if depth <= early { 1 } else { reach };
         choose(&nodes[..count], reach, &mut partners[..count]);
         count = merge(&mut nodes, count, &partners);
         depth += 1;
-        // Join neighbours after a slow round
         if (before - count) * SLOW < before {
             let last = count as u32 - 1;
             let neighbours = (0..=last).map(|i| (i ^ 1).min(last));
@@ -162,7 +158,6 @@ fn join(mut nodes: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
             depth += 1;
         }
     }
-    // Return the binary tree
     Bvh2 {
         nodes,
         max_depth: depth.max(DEFAULT_MAX_STACK_DEPTH),
@@ -171,7 +166,7 @@ fn join(mut nodes: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
     }
 }
 
-/// A round is slow in which fewer than one cluster in so many disappears.
+/// A round is slow if fewer than one cluster in so many disappears.
 const SLOW: usize = 16;
 
 /// Joins those of the first `count` nodes, the clusters, that are each
@@ -183,7 +178,6 @@ fn merge(nodes: &mut [Bvh2Node], count: usize, partners: &[u32]) -> usize {
         let j = partners[i] as usize;
         let mut cluster = nodes[i];
         if j != i && partners[j] as usize == i {
-            // Join a cluster with its partner
             if j < i {
                 continue;
             }
@@ -200,8 +194,8 @@ fn merge(nodes: &mut [Bvh2Node], count: usize, partners: &[u32]) -> usize {
     kept
 }
 
-/// For each cluster that one, up to `reach` places away, with which its
-/// union has the least area; itself if there is none.
+/// For each cluster the one, up to `reach` places away, with which its
+/// union has the least area; the cluster itself if there is none.
 fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
     let stretch = clusters.len().div_ceil(64).max(1024);
     let stretches = partners.par_chunks_mut(stretch).enumerate();
@@ -211,11 +205,9 @@ fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
         let numbers = start as u32..end as u32;
         partners.iter_mut().zip(numbers).for_each(|(place, i)| *place = i);
         let mut best = vec![f32::INFINITY; partners.len()];
-        // Compare each cluster with those after it
         for i in start.saturating_sub(reach)..end {
             let last = (i + reach).min(clusters.len() - 1);
             for j in i + 1..=last {
-                // Offer two clusters to each other
                 let union = clusters[i].aabb().union(clusters[j].aabb());
                 let area = union.half_area();
                 for (cluster, other) in [(i, j), (j, i)] {
@@ -230,15 +222,15 @@ fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
     });
 }
 
-/// How many boxes of a tree a ray that meets the root is expected to
-/// meet: the sum of the surface area heuristic.
+/// The expected number of boxes that a ray meets if it meets the root: the
+/// sum of the surface area heuristic.
 fn expected_boxes(nodes: &[Bvh2Node]) -> f32 {
     let area = |node: &Bvh2Node| node.aabb().half_area();
     let sum: f32 = nodes.iter().map(area).sum();
     sum / nodes.first().map_or(1., area)
 }
 
-/// From so many boxes on that a ray meets, less of a tree is improved.
+/// If a ray meets more boxes than this, less of a tree is improved.
 const MOST_BOXES: f32 = 200.;
 
 /// The leaves below node `i` from left to right.

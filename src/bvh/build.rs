@@ -24,7 +24,7 @@ use crate::scene::Triangles;
 struct Forest<const N: usize> {
     /// C(i, k) at k - 1.
     costs: [f32; N],
-    /// How many trees it can be at most: min(n, N).
+    /// The most trees that it can be: min(n, N).
     most: usize,
     /// How many triangles it has; more than `LANES` in a nested frame.
     count: usize,
@@ -37,7 +37,6 @@ impl<const N: usize> Forest<N> {
         let most = (left.most + right.most).min(N);
         let mut costs = [f32::INFINITY; N];
         let mut choices = [0; N];
-        // Try forests of two trees and more
         for a in 1..=left.most.min(N - 1) {
             let best = costs[a..].iter_mut().zip(&mut choices[a..]);
             for ((cost, choice), right) in
@@ -54,7 +53,6 @@ impl<const N: usize> Forest<N> {
             costs[0] = area;
             choices[0] = 1;
         }
-        // Limit the cost of more trees
         for k in 2..=N {
             if costs[k - 2] < costs[k - 1] {
                 costs[k - 1] = costs[k - 2];
@@ -68,8 +66,8 @@ impl<const N: usize> Forest<N> {
     }
 }
 
-/// The choices for one node of the binary tree, that for k in the four
-/// bits from bit 4(k - 1) on.
+/// The choices for one node of the binary tree. The choice for k is in the
+/// four bits from bit 4(k - 1) on.
 type Choices = u64;
 
 /// The choices for this node, among all.
@@ -86,7 +84,6 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices> {
     let root = (!tree.is_empty()).then_some((0, false));
     let mut todo = Vec::from_iter(root);
     while let Some((i, is_second_visit)) = todo.pop() {
-        // Cut one node after its children
         let node = &tree[i];
         let (first, area) =
             (node.first_index as usize, node.aabb().half_area());
@@ -147,7 +144,7 @@ fn nested(node: &Bvh2Node) -> Option<u32> {
 const WAYS: usize = (1 << 29) - FRAMES as usize;
 
 impl<const N: usize> Wide<N> {
-    /// No nodes, with room for those of so many triangles.
+    /// No nodes, with room for the nodes of so many triangles.
     fn empty(count: usize, region: Region) -> io::Result<Self> {
         let nodes = reserved(2 * count / N)?;
         let words = reserved(UNIT * units(1) as usize * count)?;
@@ -163,7 +160,6 @@ impl<const N: usize> Wide<N> {
         let (mut queue, mut levels) = (vec![(0, 1)], 1);
         while let Some(&(root, level)) = queue.get(wide.nodes.len()) {
             levels = level;
-            // Write the node above the forest below a root
             let mut children = vec![];
             if !tree.is_empty() {
                 add_forest(tree, &choices, (root, N as u32), &mut children);
@@ -229,7 +225,6 @@ impl<const N: usize> Wide<N> {
             if node.is_leaf() || beyond.len() == ways / 2 {
                 continue;
             }
-            // Replace a small subtree by a nested frame
             let small = |leaf: Bvh2Node| extent(&leaf) < SMALL * side;
             if extent(&node) >= COMPACT * side
                 || !leaves(&tree, i).all(small)
@@ -247,7 +242,6 @@ impl<const N: usize> Wide<N> {
             }
         }
         let (mut wide, mut levels) = Self::fill(group, &tree)?;
-        // Balance the tree if it does not fit the stack
         let fits = |levels| N * (above + levels) + N <= STACK;
         let trees = if beyond.is_empty() { 1 } else { 2 };
         if !fits(trees * levels) {
@@ -258,7 +252,6 @@ impl<const N: usize> Wide<N> {
         }
         above += levels;
         drop(tree);
-        // Build the nested frames
         let back = NestedFrame { region: group.region, node: None };
         wide.frames.resize(2 * beyond.len(), back);
         for (number, corners) in beyond.iter().enumerate() {
@@ -272,8 +265,8 @@ impl<const N: usize> Wide<N> {
         Ok(wide)
     }
 
-    /// Adds the nodes, leaves and nested frames of another tree; the number of
-    /// its root.
+    /// Adds the nodes, leaves and nested frames of another tree, and returns the
+    /// number of its root.
     fn append(&mut self, mut other: Self) -> io::Result<u32> {
         if self.nodes.is_empty() {
             *self = other;
@@ -286,7 +279,6 @@ impl<const N: usize> Wide<N> {
         if unit + more > FRAMES as usize {
             return Err(io::Error::other("too many triangles"));
         }
-        // Shift the numbers of another tree
         let children = other.nodes.iter_mut().flat_map(|n| &mut n.children);
         for child in children.filter(|child| **child != 0) {
             *child += match slots(*child).0 {
@@ -304,8 +296,8 @@ impl<const N: usize> Wide<N> {
         Ok(node)
     }
 
-    /// Builds the tree of triangles, on all threads, and tells `placed`
-    /// how many are in it by now.
+    /// Builds the tree of triangles, on all threads, and reports to `placed`
+    /// how many are in it so far.
     ///
     /// # Errors
     /// The system has not enough memory, or there are too many triangles.
@@ -333,14 +325,12 @@ impl<const N: usize> Wide<N> {
         let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
         let (count, region) = (corners.len(), region(&vertices, &corners));
         let mut wide = Self::empty(count, region)?;
-        // Divide the scene, unless its parts overlap
         let parts = N.pow(above as u32);
         // Sort the triangles into groups of neighbours
         let place = |(three, _): &Corners| vertices[three[0] as usize];
         let mut groups = vec![&mut corners[..]];
         while groups.len() < parts {
             let halves = groups.into_par_iter().flat_map_iter(|corners| {
-                // Part the triangles at their median
                 let (low, high) = bounds(corners.iter().map(place));
                 let axis = (high - low).max_position();
                 let half = corners.len() / 2;
@@ -368,7 +358,6 @@ impl<const N: usize> Wide<N> {
         drop(corners);
         let mut count = 0;
         for some in groups.chunks_mut(rayon::current_num_threads()) {
-            // Build some parts
             let built = some.par_iter_mut().map(|corners| {
                 let corners = &mem::take(corners)[..];
                 let group = Group { vertices: &vertices, corners, region };
@@ -405,10 +394,10 @@ const LARGE: usize = 1 << 17;
 /// unless a ray that meets the scene is expected to meet more of them.
 const MOST_MET: f64 = 3.;
 
-/// Parts have so many triangles at most.
+/// The most triangles of a part.
 const PART: usize = 1 << 20;
 
-/// Whether the parts of a scene overlap so little that it is built in them.
+/// Whether the parts overlap so little that the scene is built in parts.
 fn are_apart(vertices: &[DVec3], parts: &[&mut [Corners]]) -> bool {
     let boxes = parts.par_iter().map(|corners| {
         let points = corners.iter().flat_map(|(three, _)| three);

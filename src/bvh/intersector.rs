@@ -1,7 +1,7 @@
 // Tangled from chapters/bvh.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What an intersector answers.
+//! The interface of an intersector.
 
 use glam::DVec3;
 
@@ -46,7 +46,7 @@ pub trait Intersector: Sync + Sized {
     }
 
     /// Whether `ray` meets the triangle `target` first, or nothing if that is
-    /// `NONE`: as `first_hit(ray, from)` would tell, and perhaps faster.
+    /// `NONE`: the same as by `first_hit(ray, from)`, and perhaps faster.
     fn is_visible(
         &self,
         ray: &Ray,
@@ -63,17 +63,17 @@ pub trait Intersector: Sync + Sized {
     }
 }
 
-/// How many rays are asked about at a time.
+/// The number of rays in a batch.
 pub const BEAM: usize = 16;
 
-/// So many of something, some of which may be missing.
+/// A batch of rays or hits, some of which may be missing.
 pub type Batch<T> = [Option<T>; BEAM];
 
-/// Something to be done with an intersector, whichever it is.
+/// Work that can be done with any intersector.
 pub trait Dispatch {
-    /// What it gives.
+    /// The result.
     type Output;
 
-    /// Does it.
+    /// Does the work.
     fn with<K: Intersector>(self, intersector: &K) -> Self::Output;
 }

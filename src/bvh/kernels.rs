@@ -17,7 +17,7 @@ use super::traversal::{
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
 
-/// What AVX2 has, and AVX-512.
+/// The kernel for AVX2 and AVX-512.
 pub struct Vectors;
 
 impl Kernel<8> for Vectors {
@@ -54,7 +54,6 @@ impl Kernel<8> for Vectors {
     ) {
         // SAFETY: as above.
         unsafe {
-            // Pack the other keys of eight
             let keys: __m256i = transmute(keys);
             let are = |key: u32| {
                 _mm256_cmpeq_epi32(keys, _mm256_set1_epi32(key as i32))
@@ -64,7 +63,6 @@ impl Kernel<8> for Vectors {
             let keys = _mm256_andnot_si256(out, keys);
             let pack: __m256i = transmute(PACK[mask as usize]);
             let keys = _mm256_permutevar8x32_epi32(keys, pack);
-            // Store all but the nearest child
             let few = sorted(_mm256_castsi256_si128(keys));
             let keys = _mm256_inserti128_si256::<0>(keys, few);
             let children: __m256i = transmute(*children);

@@ -17,7 +17,7 @@ use crate::scene::Ray;
 
 /// The nearest triangle so far.
 pub struct Search<'a> {
-    /// Those of the hierarchy.
+    /// The leaves of the hierarchy.
     pub leaves: &'a Leaves,
     /// The slot that the ray left, or `NONE`,
     left: u32,
@@ -28,13 +28,13 @@ pub struct Search<'a> {
     pub distance: f64,
     /// The size of the margins where it was found.
     pub size: f64,
-    /// That of the region of all triangles.
+    /// The size of the margins of the region of all triangles.
     pub root: f64,
-    /// That of the least margins of nested frames that the ray has entered,
+    /// The size of the least margins of nested frames that the ray entered,
     pub least: f64,
     /// and the box around the regions there.
     pub passed: [DVec3; 2],
-    /// Where it is kept, or `NONE`.
+    /// The slot of the nearest triangle, or `NONE`.
     pub slot: u32,
     /// The least distance at which something else is close to the ray.
     pub near_tie: f64,
@@ -72,7 +72,7 @@ impl<'a> Search<'a> {
     /// A leaf of these triangles has been put there.
     #[inline(always)]
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'a> {
-        // SAFETY: it is there, says the caller.
+        // SAFETY: the caller promises that it is there.
         let mut leaf = unsafe { self.leaves.leaf(first, count) };
         for without in [self.left, self.offered] {
             let lane = without.wrapping_sub(slot(first, 0));
@@ -81,7 +81,7 @@ impl<'a> Search<'a> {
         leaf
     }
 
-    /// Up to where others may be as near as the nearest so far.
+    /// The distance up to which others may be as near as the nearest so far.
     #[inline(always)]
     pub fn limit(&self, margins: &Margins) -> f64 {
         self.distance + margins.near
@@ -111,8 +111,8 @@ impl<'a> Search<'a> {
     }
 
     /// Considers the triangle in a lane of the leaf at unit `first`, which
-    /// is met at `distance`; a lane of `LANES` or more is that of a
-    /// triangle which is only passed closely.
+    /// is met at `distance`; a lane of `LANES` or more belongs to a
+    /// triangle that is only passed closely.
     #[inline(always)]
     pub fn offer(
         &mut self,
@@ -154,7 +154,7 @@ impl<'a> Search<'a> {
             && along + DIAGONAL * half >= -near
     }
 
-    /// Notes that the ray enters a nested frame.
+    /// Records that the ray enters a nested frame.
     #[inline(always)]
     pub fn pass(&mut self, region: &Region, margins: &Margins) {
         let [low, high] = self.passed;

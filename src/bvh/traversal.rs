@@ -27,9 +27,9 @@ use crate::scene::Ray;
 pub struct Slabs {
     /// 1/d of each axis, neither zero nor infinite.
     pub inverse: [f32; 3],
-    /// o/d of each axis, for the planes by which the ray enters: not less.
+    /// o/d of each axis, for the planes of entry; more for a distant ray.
     pub entry: [f32; 3],
-    /// For those by which it leaves: not more.
+    /// The same for the planes of exit; less for a distant ray.
     pub exit: [f32; 3],
     /// The rows of a node's planes, 0 to 5, by which the ray enters.
     pub enter: [usize; 3],
@@ -49,7 +49,6 @@ impl Slabs {
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
         let leave = array::from_fn(|i| i + 3 * up[i]);
         let (mut entry, mut exit) = (start, start);
-        // Move planes apart for distant rays
         let beyond = region.beyond(ray.origin);
         if beyond > 0. {
             let margin = (beyond * PLANE_ERROR) as f32;
@@ -61,14 +60,14 @@ impl Slabs {
     }
 }
 
-/// By which part of the distance from a region planes of its boxes may be
-/// displaced: 2^-20.
+/// How far the planes of boxes may be displaced, as a part of the distance
+/// from their region: 2^-20.
 pub const PLANE_ERROR: f64 = 1. / (1 << 20) as f64;
 
 const LEAST: f32 = f32::from_bits((127 - 60) << 23);
 
-/// The component `d` of a direction, of size `LEAST` at least; a zero of
-/// either sign counts as positive.
+/// The component `d` of a direction, made at least `LEAST` in size; a zero
+/// of either sign counts as positive.
 #[inline(always)]
 fn clamp_direction(d: f32) -> f32 {
     d.abs().max(LEAST).copysign(d + 0.)
@@ -116,7 +115,7 @@ impl<'a> Stack<'a> {
         Self { waiting, length: 0 }
     }
 
-    /// Puts a child on the stack.
+    /// Pushes a child.
     ///
     /// # Safety
     /// Less than `STACK` children wait.
@@ -148,7 +147,7 @@ impl<'a> Stack<'a> {
         }
     }
 
-    /// Lets `count` more children wait.
+    /// Adds `count` children to those that wait.
     ///
     /// # Safety
     /// They have been written at `top`.
@@ -157,7 +156,7 @@ impl<'a> Stack<'a> {
         self.length += count;
     }
 
-    /// Lets the cache fetch the child that is taken next.
+    /// Requests the memory of the child that is popped next.
     #[inline(always)]
     #[cfg_attr(not(target_arch = "x86_64"), allow(unused))]
     pub fn fetch<const N: usize>(&self, wide: &Wide<N>) {
@@ -171,7 +170,6 @@ impl<'a> Stack<'a> {
             let child = unsafe {
                 self.waiting.children.get_unchecked(i).assume_init()
             };
-            // Find the address of a child
             let node = wide.nodes.as_ptr().wrapping_add(child as usize);
             let words = wide.leaves.words.as_ptr();
             let leaf = words.wrapping_add(UNIT * slots(child).0 as usize);
@@ -182,13 +180,13 @@ impl<'a> Stack<'a> {
             );
             for line in 0..8 {
                 let address = address.wrapping_add(64 * line);
-                // SAFETY: to fetch reads nothing, whatever the address.
+                // SAFETY: a request reads nothing, whatever the address.
                 unsafe { _mm_prefetch::<_MM_HINT_T0>(address) };
             }
         }
     }
 
-    /// Takes off children up to the first that begins within `t_max`.
+    /// Pops children up to the first that begins within `t_max`.
     #[inline(always)]
     pub fn pop(&mut self, t_max: f32) -> Option<u32> {
         while self.length > 0 {
@@ -236,8 +234,8 @@ pub trait Kernel<const N: usize>: LeafKernel {
 
 /// The instructions for the triangles of a leaf.
 pub trait LeafKernel: Sync {
-    /// Those that a ray meets up to the distance `limit`. Lanes that intersect
-    /// the ray beyond may or may not be in the mask.
+    /// The triangles that a ray meets up to the distance `limit`. Those that
+    /// it meets beyond may or may not be in the mask.
     ///
     /// # Safety
     /// The processor has the instructions, and the leaf is one of `Leaves`.
@@ -252,9 +250,9 @@ pub trait LeafKernel: Sync {
 /// the ray passes one of the triangles closely.
 pub type LeafHits = Option<(u32, [f64; LANES])>;
 
-/// What a ray needs to look for the nearest triangle: a search that has met
-/// nothing, for a ray that left the first slot, while the second is offered
-/// ahead; the ray made the z axis; and what is small.
+/// Prepares the search of a ray for the nearest triangle: a search that has
+/// met nothing, the shear, and the margins. The ray left the first slot; the
+/// second is offered ahead.
 #[inline(always)]
 pub fn prepare<'a, const N: usize>(
     wide: &'a Wide<N>,
@@ -269,8 +267,8 @@ pub fn prepare<'a, const N: usize>(
 /// The nearest of the triangles that a ray meets, other than the first of
 /// the slots `ends`. With `ANY`, the search ends as soon as another triangle
 /// than the second is the nearest. A `FAST` search gives none if it meets a
-/// doubt, or if `NESTED` does not tell whether the hierarchy has nested frames: the
-/// caller then takes the next slower one.
+/// doubt, or if `NESTED` is wrong about whether the hierarchy has nested
+/// frames: the caller then uses the next slower one.
 ///
 /// # Safety
 /// The processor has the instructions of `K`.
@@ -297,7 +295,6 @@ pub unsafe fn walk<
     {
         return Some(search);
     }
-    // Prepare to start at the root
     let mut region = wide.region;
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
@@ -324,7 +321,6 @@ pub unsafe fn walk<
             // Offer the leaf's triangles and go on
             let place = slots(child);
             if NESTED && place.0 >= FRAMES {
-                // Leave the region if the nested frame is near
                 let frame = &wide.frames[(place.0 - FRAMES) as usize];
                 if frame.node.is_none() || search.enters(&frame.region, ray)
                 {
@@ -368,8 +364,9 @@ pub unsafe fn walk<
     Some(search)
 }
 
-/// Takes the triangles of a leaf that the ray meets, of `count` at unit
-/// `first`; their mask. With `FAST`, none if anything is doubtful.
+/// Adds the triangles of a leaf that the ray meets to the search, and
+/// returns their mask. The leaf has `count` triangles at unit `first`. With
+/// `FAST`, none if anything is doubtful.
 ///
 /// # Safety
 /// The leaf is there, and the processor has the instructions of `K`.
@@ -385,9 +382,9 @@ pub unsafe fn intersect_leaf<
     (first, count): (u32, usize),
 ) -> Option<u32> {
     let limit = search.limit(margins);
-    // SAFETY: it is there, says the caller.
+    // SAFETY: the caller promises that it is there.
     let leaf = unsafe { search.leaf(first, count) };
-    // SAFETY: it is one of `Leaves`; the rest says the caller.
+    // SAFETY: it is one of `Leaves`; the caller promises the rest.
     let met = unsafe { K::intersect(leaf, shear, (limit, margins)) };
     let (mask, distances) = match met {
         None if FAST => return None,
@@ -395,7 +392,6 @@ pub unsafe fn intersect_leaf<
     };
     let mut left = mask;
     while left != 0 {
-        // Consider one lane of the mask
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
         if FAST {
@@ -408,8 +404,9 @@ pub unsafe fn intersect_leaf<
     Some(mask)
 }
 
-/// Offers a target, if there is one, ahead of the walk: whether the ray misses
-/// it, as it does if it leaves it; none if that is doubtful.
+/// Offers a target, if there is one, ahead of the walk, and returns whether
+/// the ray misses it; a triangle that it leaves is missed. None if that is
+/// doubtful.
 #[inline(always)]
 fn is_missed(
     search: &mut Search,
@@ -431,8 +428,8 @@ fn is_missed(
 }
 
 /// Where a ray enters and leaves the boxes of a node, between its start
-/// and `t_max`, where `distance` is that of a plane, given 1/d and o/d.
-/// A box is entered if it is not left before.
+/// and `t_max`. The function `distance` computes the distance of a plane from
+/// 1/d and o/d. A box is entered if it is not left before.
 #[inline(always)]
 pub fn interval<const N: usize>(
     node: &Node<N>,
@@ -446,7 +443,6 @@ pub fn interval<const N: usize>(
         let (late, early) = (slabs.entry[axis], slabs.exit[axis]);
         let enter = &node.planes[slabs.enter[axis]];
         let leave = &node.planes[slabs.leave[axis]];
-        // Narrow the intervals of all boxes
         for i in 0..N {
             let a = distance(enter[i], inverse, late);
             let b = distance(leave[i], inverse, early);
@@ -473,7 +469,7 @@ pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
     b * inverse - start
 }
 
-/// What every processor has.
+/// The kernel for every processor.
 pub struct Portable;
 
 impl<const N: usize> Kernel<N> for Portable {
@@ -502,7 +498,6 @@ impl<const N: usize> Kernel<N> for Portable {
         stack: &mut Stack,
     ) {
         let others = |key: &u32| ![least, u32::MAX].contains(key);
-        // Push from far to near
         let mut waiting = [0; N];
         let mut count = 0;
         for key in keys.into_iter().filter(others) {
@@ -548,7 +543,7 @@ impl LeafKernel for Portable {
     }
 }
 
-/// The lanes of which this is true.
+/// The lanes for which `is` is true.
 #[inline(always)]
 fn mask(is: impl Fn(usize) -> bool) -> u32 {
     (0..LANES).map(|i| u32::from(is(i)) << i).sum()

@@ -1,7 +1,7 @@
 // Tangled from chapters/traversal.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What a hierarchy answers by means of certain instructions.
+//! The answers of a hierarchy, computed with certain instructions.
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
@@ -63,7 +63,7 @@ macro_rules! traverse {
                 unsafe { self.nearest(&ray, None) }
             }
 
-            /// What a ray has hit: a triangle, else the ground, if it goes there.
+            /// The hit of a ray: a triangle, else the ground, if it goes there.
             #[inline(always)]
             fn or_ground(&self, hit: Option<Hit>, ray: &Ray) -> Option<Hit> {
                 match (&self.ground, hit) {

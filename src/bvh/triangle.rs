@@ -31,14 +31,12 @@ pub struct Shear {
 impl Shear {
     #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
-        // Find the axis that becomes z
         let size = ray.direction.abs();
         let y = usize::from(size.y > size.x);
         let z = if size.z > size.x.max(size.y) { 2 } else { y };
         let axes = ROTATIONS[z];
         let direction: &[f64; 3] = ray.direction.as_ref();
         let origin: &[f64; 3] = ray.origin.as_ref();
-        // Divide by the component along z
         let [x, y, z] = axes.map(|axis| direction[axis]);
         let origin = axes.map(|axis| flush(origin[axis], SMALLEST));
         let stretch = 1. / z;
@@ -61,12 +59,12 @@ fn flush(x: f64, least: f64) -> f64 {
     if x.abs() < least { 0. } else { x }
 }
 
-/// What is small beside the lengths from which it is computed.
+/// Lengths that are small compared with those they are computed from.
 #[derive(Clone, Copy, Debug)]
 pub struct Margins {
     /// The size of the triangles for a ray.
     pub size: f64,
-    /// Distances along a ray that are closer are not told apart.
+    /// The order of distances along a ray that are closer is in doubt.
     pub near: f64,
     /// An edge function of this or more, with the wrong sign, does not
     /// belong to a triangle that the ray passes closely.
@@ -86,10 +84,10 @@ pub fn seen(corners: &Triangle, point: DVec3) -> f64 {
     size(a.max(b).max(c).max_element(), point)
 }
 
-/// The part of a point's coordinates that counts for a size.
+/// The part of a point's coordinates that enters a size.
 const PLACE: f64 = 0.125;
 
-/// Distances along a ray that are closer are not told apart: 2^-35.
+/// The order of distances along a ray that are closer is in doubt: 2^-35.
 #[inline(always)]
 pub fn near(size: f64) -> f64 {
     size * (1. / (1u64 << 35) as f64)
@@ -111,7 +109,7 @@ pub fn narrow(size: f64, side: f64) -> f64 {
 }
 
 impl Margins {
-    /// Those of triangles of a size in a box with sides up to `side`.
+    /// The margins of triangles of a size in a box with sides up to `side`.
     #[inline(always)]
     pub fn new(size: f64, side: f64) -> Self {
         let narrow = 2. * narrow(size, 2. * side);
@@ -126,7 +124,7 @@ pub struct Region {
     pub zero: DVec3,
     /// Half of its longest side.
     pub reach: f64,
-    /// Those of rays that start within.
+    /// The margins of rays that start within.
     pub within: Margins,
 }
 
@@ -141,7 +139,7 @@ impl Region {
     }
 
     /// The ray from where it enters a cube slightly larger than the region;
-    /// none if it passes that by.
+    /// none if it misses the cube.
     pub fn enter(&self, ray: &Ray) -> Option<Ray> {
         let reach = self.reach + 1.;
         if self.beyond(ray.origin) <= 1. {
@@ -163,13 +161,13 @@ impl Region {
         (start <= end).then_some(Ray { origin, ..*ray })
     }
 
-    /// How far a point is outside, at most, or less than zero.
+    /// How far a point is outside, at most; negative inside.
     #[inline(always)]
     pub fn beyond(&self, point: DVec3) -> f64 {
         (point - self.zero).abs().max_element() - self.reach
     }
 
-    /// What is small for rays from a point to triangles of the region.
+    /// The margins of rays from a point to triangles of the region.
     #[inline(always)]
     pub fn margins(&self, point: DVec3) -> Margins {
         let (beyond, side) = (self.beyond(point), 2. * self.reach);
@@ -187,10 +185,10 @@ impl Region {
     }
 }
 
-/// How much larger margins are in nested frames, at most: 2^20.
+/// How many times as large margins are in nested frames, at most: 2^20.
 const COARSER: f64 = (1 << 20) as f64;
 
-/// Triangles in a leaf at most.
+/// The most triangles of a leaf.
 pub const LANES: usize = 4;
 
 /// No triangle.
@@ -243,7 +241,7 @@ impl Leaves {
     /// A leaf of these triangles has been put there.
     #[inline(always)]
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'_> {
-        // SAFETY: the leaf is within the array, says the caller.
+        // SAFETY: the caller promises that the leaf is within the array.
         let words =
             unsafe { self.words.get_unchecked(UNIT * first as usize..) };
         Leaf { words, count, lanes: (1 << count) - 1 }
@@ -286,9 +284,9 @@ pub fn write(words: &mut [u32], triangles: &[(u32, Triangle)]) {
     words[0] |= (count as u32 - 1) << 30;
 }
 
-/// The frame of a cluster that is so small beside its region that padding
-/// would swallow it: inside, boxes count from the cluster's middle. Or the way
-/// back to the outer frame.
+/// The frame of a cluster that is so small compared with its region that
+/// padding would swallow it: inside, boxes count from the cluster's middle.
+/// Or the way back to the outer frame.
 #[derive(Clone, Copy, Debug)]
 pub struct NestedFrame {
     /// The region around its triangles, or the outer one.
@@ -351,8 +349,8 @@ impl Leaf<'_> {
     }
 
     /// The lanes that a ray meets, as a mask, with the distances; lanes that
-    /// it passes close by from bit `LANES` on, with where that begins. What
-    /// the distance of another lane says is not specified.
+    /// it passes closely from bit `LANES` on, with the least distance of a
+    /// corner. The distance of any other lane is not specified.
     #[inline(always)]
     pub fn intersect(
         &self,
@@ -363,7 +361,7 @@ impl Leaf<'_> {
         let mut met = 0;
         for (lane, distance) in distances.iter_mut().enumerate() {
             if self.lanes >> lane & 1 != 0 {
-                // Add what the ray does to this triangle
+                // Record the result for this triangle
                 match self.test(lane, shear, margins.size) {
                     TriangleTest::Through(at) if at > -margins.near => {
                         *distance = at;
@@ -380,7 +378,7 @@ impl Leaf<'_> {
         (met, distances)
     }
 
-    /// What a ray does to the triangle in a lane.
+    /// Tests the triangle in a lane.
     #[inline(always)]
     pub fn test(
         &self,
@@ -395,7 +393,6 @@ impl Leaf<'_> {
             (u >= -margin && v >= -margin && w >= -margin)
                 || (u <= margin && v <= margin && w <= margin)
         };
-        // Classify the ray by the signs
         if within(0.) {
             // Find the distance along the ray
             let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
@@ -435,13 +432,13 @@ fn extent([a, b, c]: [f64; 3]) -> f64 {
     a.max(b).max(c) - a.min(b).min(c)
 }
 
-/// What a ray does to a triangle.
+/// The result of testing a ray with a triangle.
 pub enum TriangleTest {
-    /// Its line goes through it, at this distance, which is negative
-    /// behind the origin, and not a number if it is seen edge on.
+    /// The line of the ray goes through the triangle, at this distance:
+    /// negative behind the origin, and not a number if it is seen edge on.
     Through(f64),
-    /// It passes by so closely that a small displacement could make it
-    /// go through; the distances of the corners along the ray.
+    /// The ray passes so closely that a small displacement could make it go
+    /// through; the distances of the corners along the ray.
     Beside([f64; 3]),
     /// Neither.
     Apart,

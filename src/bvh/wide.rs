@@ -60,9 +60,9 @@ pub struct Wide<const N: usize> {
     pub nodes: Vec<Node<N>>,
     /// The triangles.
     pub leaves: Leaves,
-    /// Each with the way back after it.
+    /// The nested frames, each with the way back after it.
     pub frames: Vec<NestedFrame>,
-    /// That of all triangles.
+    /// The region of all triangles.
     pub region: Region,
 }
 
@@ -85,14 +85,13 @@ impl<const N: usize> Wide<N> {
             // Test each triangle of the leaf
             let (first, count) = slots(child);
             if first >= FRAMES {
-                // Search the nested frame
                 let frame = (first - FRAMES) as usize;
                 let NestedFrame { region, node } = self.frames[frame];
                 return node.is_some_and(|root| {
                     self.any((root, region), within, enters, asked)
                 });
             }
-            // SAFETY: leaves that are no nested frames are leaves that are there.
+            // SAFETY: a leaf that is no nested frame is there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
             return (0..count as u32).any(|lane| {
                 let place = (lane as usize, slot(first, lane));
