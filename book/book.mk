@@ -482,7 +482,7 @@ $(BUILD_DIR)/examples/gallery.txt $(BUILD_DIR)/figures/tiny.pgm &: \
 	  > $(BUILD_DIR)/figures/tiny.pgm 2>> $(BUILD_DIR)/examples/tiny.txt
 
 $(BUILD_DIR)/figures/tiny.png: $(BUILD_DIR)/figures/tiny.pgm $(BUILD_DIR)/ptimg
-	$(BUILD_DIR)/ptimg tonemap -qf -o $@ $< 2> /dev/null
+	$(BUILD_DIR)/ptimg tonemap -f -o $@ $< 2> /dev/null
 
 # How weak it is: a minute on an idle machine.
 .PHONY: tiny
