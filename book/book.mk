@@ -458,7 +458,7 @@ $(PICTURED:%=$(BUILD_DIR)/figures/glance-%.png): $(BUILD_DIR)/figures/glance-%.p
 # What it is called with, and the part of it that each of some chapters replaces.
 TERRACE = doc/examples/terrace.obj 5,0.2,2.6 2.2,2.5,0.55
 FIGURES += $(BUILD_DIR)/figures/tiny.png
-TABLES += $(BUILT)/tiny.tex $(BUILD_DIR)/examples/gallery.txt \
+TABLES += $(BUILT)/tiny-faults.tex $(BUILD_DIR)/examples/gallery.txt \
   $(addprefix $(BUILD_DIR)/examples/tiny-,hit.txt random.txt reflect.txt \
   mean.txt render.txt)
 REPLACED_hit = Find the first triangle that a ray meets
@@ -487,7 +487,7 @@ $(BUILD_DIR)/figures/tiny.png: $(BUILD_DIR)/figures/tiny.pgm $(BUILD_DIR)/ptimg
 # How weak it is: a minute on an idle machine.
 .PHONY: tiny
 tiny: $(BOOK)
-	$(RECORD) tiny $(BOOK) tiny doc/examples/terrace.obj
+	$(RECORD) tiny-faults $(BOOK) tiny doc/examples/terrace.obj
 
 # ---- geometry: figures
 

@@ -75,11 +75,11 @@ fn slow() -> Done {
 
 /// What a camera in a closed box sees of the sky.
 fn leaks() -> Done {
-    let closed = Case::of(&cube(1), 5e-4, [0.; 3]);
+    let closed = Case::of(&cube(1), 5e-5, [0.; 3]);
     let tiny: f64 = closed.pixels(PATHS).iter().map(|it| it.0).sum();
     let ours: f64 = closed.image(PATHS, PATH, 0)?.means.iter().sum();
     let [tiny, ours] = [tiny, ours].map(|it| it / (WIDTH * HEIGHT) as f64);
-    println!("light in a closed box of a millimetre,{tiny:.4},{ours}");
+    println!("light in a closed box of 0.1 millimetres,{tiny:.4},{ours}");
     Ok(())
 }
 
