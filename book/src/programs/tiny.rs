@@ -68,7 +68,7 @@ fn slow() -> Done {
     let ours = per_path(timed(|| ball.image(256, PATH, 1))?, 256);
     let number = ball.triangles.len();
     println!(
-        "microseconds of a path, {number} triangles,{tiny:.0},{ours:.2}"
+        "microseconds of a path before {number} triangles,{tiny:.0},{ours:.2}"
     );
     Ok(())
 }
