@@ -5,7 +5,7 @@
 //! The command: which of the programs to be, and how to be it.
 //!
 //! Called through a symbolic link, the program is what the link is called;
-//! called as `noweb`, it is what its first argument says.
+//! called as `noweb`, it is the command that its first argument names.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{self, BufReader, BufWriter, Write};

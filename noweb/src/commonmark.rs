@@ -97,7 +97,7 @@ fn defines(line: &[u8]) -> bool {
     defined_name(line).is_some()
 }
 
-/// What is known of the block at a place, if it is shown as it is.
+/// The parsed part of the block at a place, if it is verbatim.
 fn open_block(text: &str, place: usize) -> Option<Range<usize>> {
     let text = &text[..text.len().min(2 * place)];
     let mut events = Parser::new(text).into_offset_iter();

@@ -76,7 +76,7 @@ pub fn quoted(arg: &OsStr) -> OsString {
 
 /// What a shell command writes when it reads a text, or our exit status.
 ///
-/// Its complaints go to the error stream. A failure of the command is a
+/// Its messages go to the error stream. A failure of the command is a
 /// failure of the pipeline, for its output may be cut short.
 pub fn run_shell(
     command: &OsStr,
@@ -85,7 +85,7 @@ pub fn run_shell(
 ) -> Result<Vec<u8>, u8> {
     let output = converse(command, input)
         .map_err(|e| streams.fail(&failure("run", command, e)))?;
-    // There is nobody left to tell if this fails.
+    // A failure of this could not be reported either.
     let _ = streams.errors.write_all(&output.stderr);
     if output.status.success() {
         return Ok(output.stdout);
@@ -105,7 +105,7 @@ fn converse(command: &OsStr, input: &[u8]) -> io::Result<Output> {
         .spawn()?;
     let stdin = child.stdin.take();
     std::thread::scope(|scope| {
-        // A filter that stops reading early is none of our business.
+        // A filter may stop reading early.
         scope.spawn(|| stdin.map(|mut pipe| pipe.write_all(input)));
         child.wait_with_output()
     })

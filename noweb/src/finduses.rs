@@ -90,7 +90,7 @@ impl Recogniser {
     }
 }
 
-/// Writes `line[done..end]` as text, and says how far we are then.
+/// Writes `line[done..end]` as text; returns the end of what is written.
 fn copy(line: &[u8], done: usize, end: usize, out: &mut Vec<u8>) -> usize {
     if done >= end {
         return done;

@@ -61,7 +61,7 @@ impl Streams<'_> {
         Ok(Source::new(name.to_vec(), text))
     }
 
-    /// Reads some files, and tells of all that cannot be read.
+    /// Reads some files, and reports all that cannot be read.
     pub fn sources(
         &mut self,
         all: &[OsString],
@@ -79,7 +79,7 @@ impl Streams<'_> {
         faults: &[Diagnostic],
     ) -> u8 {
         for fault in faults {
-            // There is nobody left to tell if this fails.
+            // If this fails, no place is left for a report.
             let _ = self.errors.write_all(&bytes_of(&fault.to_string()));
         }
         match result.and_then(|()| self.output.flush()) {
@@ -91,13 +91,13 @@ impl Streams<'_> {
         }
     }
 
-    /// Tells of faults, whatever their levels; the status is 1.
+    /// Reports faults, whatever their levels; the status is 1.
     pub fn fail(&mut self, faults: &[Diagnostic]) -> u8 {
         self.conclude(Ok(()), faults);
         1
     }
 
-    /// Says what is wrong with the arguments of a command; the status is 2.
+    /// Reports wrong arguments of a command; the status is 2.
     pub fn misused(&mut self, text: impl Into<String>) -> u8 {
         let fault = Diagnostic::new(Level::Error, None, text)
             .with_help("noweb [COMMAND] --help tells more");
@@ -105,7 +105,7 @@ impl Streams<'_> {
         2
     }
 
-    /// Says what was asked for, such as a help.
+    /// Prints a text that was requested, such as a help.
     pub fn say(&mut self, text: &str) -> u8 {
         let result = self.output.write_all(text.as_bytes());
         self.conclude(result, &[])

@@ -40,7 +40,7 @@ impl Atlas {
     pub fn read(projects: &[Project]) -> Self {
         let mut atlas = Self::default();
         for (project, of) in projects.iter().enumerate() {
-            // Errors in chapters are told by the command that tangles.
+            // Errors in chapters are reported by the command that tangles.
             let Ok(program) = of.expand() else { continue };
             let dir = of.dir.join(".");
             atlas.dir = fs::canonicalize(&dir).unwrap_or(dir).join("");
@@ -76,7 +76,7 @@ impl Atlas {
         let start = path_start(text);
         let path = Path::new(OsStr::from_bytes(&text[start..]));
         let path = path.strip_prefix(".").ok()?;
-        // Look for the only file with this end
+        // Find the only file with this end
         let mut ending =
             self.files.iter().filter(|(p, _)| p.ends_with(path));
         let (_, file) = ending.next()?;

@@ -28,7 +28,7 @@ pub struct Filter {
     atlas: Option<Atlas>,
     /// For each stream the path of the file whose lines are shown.
     shown: [Option<Vec<u8>>; 2],
-    /// The stale files that were spoken of.
+    /// The stale files that were reported.
     stale: BTreeSet<Vec<u8>>,
     pub warnings: Faults,
 }
@@ -147,7 +147,7 @@ fn number(text: &[u8], from: usize) -> Option<(u32, usize)> {
     Some((digits.parse().ok()?, end))
 }
 
-/// Translates what a command writes, and gives its status.
+/// Translates the output of a command, and returns its status.
 fn follow(
     mut child: Child,
     filter: &mut Filter,
@@ -169,7 +169,7 @@ fn follow(
     });
     let status = child.wait()?;
     result?;
-    // Make one number of the status
+    // Reduce the status to one number
     let signal = status.signal().unwrap_or(0);
     let code = status.code().unwrap_or(128 + signal);
     Ok(u8::try_from(code).unwrap_or(1))

@@ -25,7 +25,7 @@ use crate::rust_index::index;
 use crate::stream::{Mark, lines};
 use crate::{Streams, error};
 
-/// What becomes of the pages.
+/// The form of the pages.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub enum Form {
     #[default]
@@ -76,7 +76,7 @@ pub fn weave(
     let mut converter = Converter::default();
     let marks = lines(&stream).filter_map(Mark::read);
     marks.for_each(|mark| converter.convert(mark, &plan));
-    // Put the lists in their places
+    // Insert the lists
     for page in &mut converter.pages {
         let end = page.iter().rposition(|byte| *byte != b'\n');
         page.truncate(end.map_or(0, |end| end + 2));
@@ -96,11 +96,11 @@ pub fn weave(
     Ok(woven.collect())
 }
 
-/// The lines that ask for the list of the chunks, and of identifiers.
+/// The lines that are replaced by the lists of chunks and identifiers.
 const LISTS: [&[u8]; 2] =
     [b"<!-- noweb chunks -->", b"<!-- noweb index -->"];
 
-/// What is known of the chunks of a stream beforehand.
+/// The numbers and the users of all chunks of a stream.
 #[derive(Default)]
 struct Plan<'a> {
     form: Form,
@@ -119,7 +119,7 @@ impl<'a> Plan<'a> {
         let mut plan = Self { form, ..Self::default() };
         let (mut count, mut label, mut chunk) = (0, &b""[..], &b""[..]);
         for mark in lines(stream).filter_map(Mark::read) {
-            // Learn from one line of the stream
+            // Record one line of the stream
             let inner = mark.inner();
             let page = plan.pages.len().saturating_sub(1);
             match (mark.keyword, inner.keyword) {
@@ -258,7 +258,7 @@ impl<'a> Converter<'a> {
                 self.quote = Some((Vec::new(), b""));
             }
             (b"endquote", _) => self.end_quote(plan),
-            // Take up references between chunks
+            // Collect references between chunks
             (b"xref", b"label") => self.label = text,
             (b"xref", b"ref") => self.reference = text,
             (b"xref", b"defitem") => self.continued.push(text),
@@ -273,7 +273,7 @@ impl<'a> Converter<'a> {
             }
             (b"xref", b"chunkend") => self.end_entry(0, plan),
             (b"index", b"entryend") => self.end_entry(1, plan),
-            // Take up what the index says
+            // Collect entries of the index
             (b"xref", b"chunkuse")
             | (b"index", b"isused" | b"isdefined" | b"entryuse") => {
                 self.entry.1[1].push(text);
@@ -286,7 +286,7 @@ impl<'a> Converter<'a> {
                 let quote = self.quote.as_mut().filter(|q| q.1.is_empty());
                 quote.into_iter().for_each(|q| q.1 = self.reference);
             }
-            // Take up the identifiers of a chunk
+            // Collect the identifiers of a chunk
             (b"index", b"defitem") => {
                 let mut users = take(&mut self.entry.1[1]);
                 users.retain(|label| *label != self.place);
@@ -390,7 +390,7 @@ impl<'a> Converter<'a> {
         self.put(&bytes_of(&shown));
     }
 
-    /// Ends an entry of the list of chunks, or of that of identifiers.
+    /// Ends an entry of the list of chunks, or of identifiers.
     fn end_entry(&mut self, list: usize, plan: &Plan<'a>) {
         let (name, [defined, used]) = take(&mut self.entry);
         let name = match list {
@@ -406,7 +406,7 @@ impl<'a> Converter<'a> {
     }
 }
 
-/// Code in Rust, of which mdBook hides no line.
+/// Code in Rust with all lines visible in mdBook.
 fn shown_by_mdbook(code: &str) -> String {
     let shown = |line: &str| {
         let sign = line.trim_start().strip_prefix('#');

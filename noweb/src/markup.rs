@@ -22,8 +22,8 @@ use crate::stream::{Mark, put};
 use crate::web::Web;
 use crate::{Streams, error};
 
-/// The tokens of a source, and what is wrong with it; `tab` is the distance
-/// of tab stops, or 0.
+/// The tokens of a source, and its faults; `tab` is the distance of tab
+/// stops, or 0.
 pub fn mark_up(source: &Source, file: u32, tab: usize) -> Marked {
     match is_markdown(&source.name) {
         true => mark_up_markdown(source, file),
@@ -109,7 +109,7 @@ fn mark_up_markdown(source: &Source, file: u32) -> Marked {
     (out, prose.open)
 }
 
-/// What the line of a token begins with.
+/// The beginning of a token's line.
 const WORDS: [(Token, &[u8]); 13] = [
     (Token::File, b"@file "),
     (Token::BeginDocs, b"@begin docs "),

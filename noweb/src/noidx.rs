@@ -78,13 +78,13 @@ impl<'a> Collector<'a> {
         let Some(mark) = Mark::read(line) else { return };
         let (name, inner) = (mark.text(), mark.inner());
         match (mark.keyword, inner.keyword) {
-            // Note what a mark tells
+            // Note the effect of a mark
             (b"file", _) => self.file = self.codes.of(name),
             (b"begin", kind) => self.code = kind == b"code",
             (b"end", _) => self.anchor = None,
             (b"defn", _) => self.define(name),
             (b"use", _) if self.code => self.use_chunk(name),
-            // Note what happens to an identifier
+            // Note a mention of an identifier
             (b"index", b"defn" | b"localdefn") => {
                 self.define_identifier(inner.text());
             }
@@ -173,7 +173,7 @@ impl<'a> Resolver<'a> {
             (b"end", kind) => self.end(kind),
             (b"use", _) => self.refer(anchor(web.chunks.get(name))),
             (b"trailer", _) => self.list_all_names(),
-            // Resolve what the index says
+            // Resolve the marks of the index
             (b"index", b"defn" | b"localdefn") => {
                 self.names[0].insert(inner.text());
             }
@@ -250,7 +250,7 @@ impl<'a> Resolver<'a> {
         let [defined, used] = take(&mut self.names);
         if kind == b"code" {
             let used = &used - &defined;
-            // Remember the names for the end of the chapter
+            // Add the names for the end of the chapter
             self.chapter[0].extend(&defined);
             self.chapter[1].extend(&used);
             self.list_names("def", defined, "isused");

@@ -15,7 +15,7 @@ use crate::tangle::tangle;
 use crate::web::{Chunk, Web, quoted};
 use crate::{Streams, status};
 
-/// A line directive, or what follows a percent sign and means nothing.
+/// A line directive, or the meaningless sign behind a percent sign.
 fn format_directive(
     format: &[u8],
     name: &[u8],
@@ -69,7 +69,7 @@ impl Request {
             match arg.as_encoded_bytes() {
                 b"-filter" => request.filters.extend(args.next().cloned()),
                 b"-t" => (),
-                // Ignore what is meant for another tool
+                // Ignore an option for another tool
                 b"-ml" | b"-m3" | b"-awk" | b"-icn" | b"-icon" => (),
                 b"-pascal" | b"-c" | b"-c++" | b"-tex" | b"-f77" => (),
                 b"-f90" => (),
@@ -137,7 +137,7 @@ pub fn run_nt(args: &[OsString], streams: &mut Streams) -> u8 {
     web.map_or_else(|e| e, |web| write_roots(&web, request, told, streams))
 }
 
-/// Writes some roots; `told` is the status of what was told before.
+/// Writes some roots; `told` is the status of earlier reports.
 fn write_roots(
     web: &Web,
     request: Request,
@@ -191,7 +191,7 @@ struct Layout<'a> {
     web: &'a Web,
     tab: usize,
     format: Option<&'a [u8]>,
-    /// The file and the line that the reader of the output believes in.
+    /// The file and the line that the reader of the output has counted to.
     said: Option<(u32, u32)>,
     out: Vec<u8>,
 }
@@ -239,7 +239,7 @@ impl Layout<'_> {
         self.out.push(b'\n');
     }
 
-    /// Tells the reader where the next text comes from, if he is wrong.
+    /// Writes a directive if the reader's count is wrong.
     fn direct(&mut self, place: Place, heads_chunk: bool, column: usize) {
         let Some(format) = self.format else { return };
         let here = Some((place.file, place.line));

@@ -22,7 +22,7 @@ use crate::{
     totex,
 };
 
-/// A shell command, and arguments that the shell shall not look into.
+/// A shell command, and arguments that the shell must not interpret.
 struct Stage {
     command: OsString,
     args: Vec<OsString>,
@@ -58,7 +58,7 @@ impl Request {
             let what = || format!("{option} needs an argument");
             let mut next = || args.next().ok_or_else(what);
             match &option[..] {
-                // Take an option about the filters
+                // Parse an option for the filters
                 "-backend" => request.backend = Some(next()?),
                 "-filter" => request.filters.push(next()?),
                 "-x" => {
@@ -78,7 +78,7 @@ impl Request {
                         return Err(format!("-autodefs {other}: {what}"));
                     }
                 },
-                // Take an option about the document
+                // Parse an option for the document
                 "-n" => request.bare = true,
                 "-latex" => {}
                 "-md" => request.markdown = true,
@@ -183,7 +183,7 @@ const OWN_STAGES: [(&str, Run); 6] = [
 ];
 
 impl Stage {
-    /// What the stage writes when it reads `input`.
+    /// The output of the stage for `input`.
     fn run(
         &self,
         mut input: &[u8],
@@ -222,7 +222,7 @@ impl Stage {
 impl Request {
     /// The pages of chapters in Markdown, unless they go to files.
     fn pages(&self, streams: &mut Streams) -> Result<Vec<u8>, Faults> {
-        // Refuse what Markdown has no room for
+        // Refuse options that Markdown lacks
         let mut filters = self.filters.iter().map(shown);
         if let Some(other) =
             filters.find(|f| !INDEX_FILTERS.contains(&&f[..]))

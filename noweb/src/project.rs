@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! The command `noweb tangle`, and what it says of a web.
+//! The command `noweb tangle`, and its warnings about a web.
 
 use std::ffi::{OsStr, OsString};
 use std::fs;
@@ -34,7 +34,7 @@ pub fn of(chapters: Vec<PathBuf>, words: String) -> Project {
 /// LaTeX, or the summary of a book in Markdown.
 ///
 /// # Errors
-/// A file beside the chapters looks like one and is not included.
+/// A file next to the chapters looks like one and is not included.
 pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let (beside, chapters) = match master.ends_with("SUMMARY.md") {
         true => ("", in_summary(dir, master)?),
@@ -191,7 +191,7 @@ pub fn parse(args: &[OsString]) -> Result<(Project, bool), String> {
     let mut check = false;
     let mut args = args.iter();
     while let Some(arg) = args.next() {
-        // Take an option or a chapter
+        // Parse an option or a chapter
         let mut value = || {
             let missing = || format!("{} needs a value", shown(arg));
             args.next().map(PathBuf::from).ok_or_else(missing)

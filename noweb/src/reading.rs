@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! The files of a project, and what must not be in them.
+//! The files of a project, and the conflicts that must not be in them.
 
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
@@ -36,8 +36,8 @@ pub fn read(
     checked(source, faults)
 }
 
-/// What to say of the conflicts of git that a text does not quote, nor one
-/// that was made in its place.
+/// The faults for the conflicts of git in a text, unless they are quoted
+/// or are also in the text that was made in its place.
 pub fn conflicts(path: &Path, text: &[u8], made: &[u8]) -> Faults {
     let mut found = conflict::conflicts(text, made);
     let mut all: Vec<_> = lines(text).collect();

@@ -2,11 +2,11 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! The stage `rustindex`: what a Rust program defines and uses.
+//! The stage `rustindex`: finds a Rust program's definitions and uses.
 //!
-//! It stands in the place of `finduses`. The program is tangled out of the
-//! stream, and what is found in it goes back to the lines of the stream:
-//! places in this module are the number of a line and a byte of its text.
+//! It replaces `finduses`. The program is tangled out of the stream, and
+//! its items are traced back to the lines of the stream: a place in this
+//! module is the number of a line and a byte of its text.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::ffi::{OsStr, OsString};
@@ -71,8 +71,8 @@ fn web(lines: &[&[u8]]) -> Web {
     });
     Web::from_lexemes(lexemes.collect())
 }
-/// What each word and each comment of a file is; `items` tells the words
-/// that are items by the numbers of their tokens.
+/// The kind of each word and each comment of a file; `items` holds the
+/// words that are items, by the numbers of their tokens.
 fn words<'n>(
     source: &str,
     tokens: &[Token],
@@ -83,7 +83,7 @@ fn words<'n>(
         notes.push((done..token.range.start, Note::Comment));
         done = token.range.end;
         let text = token.text;
-        // Tell what the token is
+        // Classify the token
         let note = match items.get(&number) {
             _ if text.starts_with("//") => Note::Comment,
             _ if text.starts_with("/*") => Note::Comment,
@@ -97,7 +97,7 @@ fn words<'n>(
     notes.push((done..source.len(), Note::Comment));
     notes
 }
-/// What a part of a line is.
+/// The kind of a part of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Note<'n> {
     Keyword,
@@ -111,7 +111,7 @@ enum Note<'n> {
 #[derive(Default)]
 struct Notes<'s, 'n> {
     lines: &'s [&'s [u8]],
-    /// By line and first byte: the end, and what it is.
+    /// By line and first byte: the end and the note.
     notes: BTreeMap<(usize, usize), (usize, Note<'n>)>,
     /// The lines of the stream that are known to be Rust.
     rust: HashSet<usize>,
@@ -172,8 +172,8 @@ impl<'n> Notes<'_, 'n> {
     }
 }
 
-/// What others call the library whose root is this file, if it is one:
-/// what its manifest says, or else what its directory is called.
+/// The name of the library whose root is this file, if it is one: the
+/// name in its manifest, or else the name of its directory.
 fn library(path: &str) -> Option<String> {
     let dir = path.strip_suffix("src/lib.rs")?;
     let manifest = bytes_of(&format!("{dir}Cargo.toml"));
@@ -218,8 +218,8 @@ impl<'n> Index<'n> {
         self.items.entry(last(path)).or_default().push(path);
     }
 
-    /// The marks that tell for each key what is shown: the name, and what
-    /// it belongs to where two items have the same name.
+    /// The marks with the text that is shown for each key: the name, and
+    /// its type or module where two items have the same name.
     fn declarations(&self) -> String {
         let mut lines = BTreeSet::new();
         for (name, paths) in &self.items {
@@ -262,7 +262,7 @@ impl<'n> Index<'n> {
 fn last(path: &str) -> &str {
     path.rsplit("::").next().unwrap_or(path)
 }
-/// The stream that goes out, and where we are in the one that came in.
+/// The outgoing stream, and the state in the incoming one.
 struct Writer<'w> {
     notes: &'w Notes<'w, 'w>,
     index: &'w Index<'w>,
@@ -327,7 +327,7 @@ impl<'w> Writer<'w> {
         }
     }
 
-    /// Writes what nothing was found in; words are sought in other code.
+    /// Writes text without notes; looks for words in code that is no Rust.
     fn write_plain(&mut self, number: usize, text: &[u8]) {
         let line = [b"@text ", text].concat();
         if self.notes.rust.contains(&number) || text.is_empty() {
@@ -361,7 +361,7 @@ impl<'w> Writer<'w> {
         }
     }
 }
-/// Marks in a stream what a Rust program defines and uses.
+/// Marks the definitions and uses of a Rust program in a stream.
 pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
     let lines: Vec<&[u8]> = stream::lines(stream).collect();
     let mut notes = Notes { lines: &lines, ..Notes::default() };
@@ -376,7 +376,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
                 texts.push(text);
             }
             Err(error) => {
-                // Complain of what is no Rust
+                // Report a source that is no Rust
                 let at = error.span().byte_range().start;
                 let places = text.places(&(at..at + 1));
                 let line = places.first().map_or(0, |(line, _)| *line);

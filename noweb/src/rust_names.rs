@@ -2,11 +2,11 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! The items of a Rust program, and what its paths mean.
+//! The items of a Rust program, and the meanings of its paths.
 //!
-//! An item is known by its path from the root of its crate. What cannot be
-//! known from the program's own text, and what has more than one meaning,
-//! is never taken for an item.
+//! An item is identified by its path from the root of its crate. A name
+//! is never resolved to an item if it has more than one meaning, or if the
+//! program's own text does not determine its meaning.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -19,7 +19,7 @@ pub struct Token<'s> {
     pub range: Range<usize>,
     /// Whether it is a word, be it reserved or not.
     pub word: bool,
-    /// For the beginning of a group the number of its end, else its own.
+    /// The number of the token that closes its group, else its own.
     pub close: usize,
 }
 
@@ -77,7 +77,7 @@ const KEYWORDS: &str = "_ abstract as async await become box break const \
 pub fn is_keyword(word: &str) -> bool {
     KEYWORDS.split(' ').any(|keyword| keyword == word)
 }
-/// What sort of thing an item is.
+/// The kind of an item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Module,
@@ -88,7 +88,7 @@ pub enum Kind {
     Function,
 }
 
-/// What a path stands for.
+/// The meaning of a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Meaning {
     Item(Kind),
@@ -121,7 +121,7 @@ pub struct Place<'a> {
     pub parameters: Vec<&'a str>,
     /// The directory with the files of the module's own modules.
     dir: String,
-    /// The path of what declares the item; none for a trait's member.
+    /// The path of the item's owner; none for a trait's member.
     owner: Option<String>,
 }
 
@@ -137,14 +137,14 @@ pub struct Names<'a> {
     implementations: Vec<(Place<'a>, usize)>,
 }
 impl<'a> Names<'a> {
-    /// The items of some files; `library` tells for the path of the root
-    /// of a library what others call the crate.
+    /// The items of some files; `library` maps the path of a library's
+    /// root to the name by which others refer to the crate.
     pub fn new(
         files: &'a [File<'a>],
         library: impl Fn(&str) -> Option<String>,
     ) -> Self {
         let mut names = Self { files, ..Self::default() };
-        // Take roots of crates first, then stray files
+        // Sort the roots of crates before stray files
         let mut numbers: Vec<usize> = (0..files.len()).collect();
         let roots = ["lib.rs", "main.rs"];
         let is_root = |path: &str| roots.iter().any(|r| path.ends_with(r));
@@ -189,7 +189,7 @@ pub fn declaration(tokens: &[Token], at: usize) -> Option<(Kind, usize)> {
         _ => return None,
     };
     let named = tokens[name].word && !is_keyword(tokens[name].text);
-    // What stands behind an apostrophe is a lifetime
+    // A word behind an apostrophe is a lifetime
     (named && tokens[at - 1].text != "'").then_some((kind, name))
 }
 
@@ -275,7 +275,7 @@ impl<'a> Names<'a> {
         end
     }
 
-    /// Declares a name; with a second meaning it has none.
+    /// Declares a name; with a second meaning it means several things.
     fn declare(
         &mut self,
         place: &Place,
@@ -326,7 +326,7 @@ pub type Import = (Vec<usize>, usize);
 pub fn imports(tokens: &[Token], start: usize) -> Vec<Import> {
     let (mut imports, mut open) = (Vec::new(), Vec::new());
     let (mut path, mut name) = (Vec::new(), None);
-    // What begins with `::` is in another crate
+    // A path that begins with `::` is in another crate
     let end = end_of(tokens, start);
     let foreign = tokens[start + 1].text == ":";
     for at in (start + 1..=end).filter(|_| !foreign) {
@@ -341,8 +341,8 @@ pub fn imports(tokens: &[Token], start: usize) -> Vec<Import> {
                 }
             }
             "as" => {}
-            // Take up a word of the import
-            // The name `self` means what is before it
+            // Add a word to the import
+            // The name `self` means the path before it
             "self" if !path.is_empty() => name = path.last().copied(),
             "*" => name = Some(at),
             _ if tokens[at - 1].text == "as" => name = Some(at),

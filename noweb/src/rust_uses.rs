@@ -6,7 +6,7 @@
 //!
 //! A name that anything in the same item may declare, be it a variable, a
 //! parameter or a function inside the function, is left alone in all of
-//! the item. So we need not know where scopes begin and end.
+//! the item. We need not find the bounds of scopes.
 
 use std::collections::HashSet;
 use std::ops::Range;
@@ -24,7 +24,7 @@ struct Taken<'s> {
     plain: HashSet<&'s str>,
 }
 
-/// What an item declares; none if that is hard to tell.
+/// The names that an item declares; none if they are hard to find.
 fn taken<'s>(
     tokens: &[Token<'s>],
     place: &Place<'s>,
@@ -115,7 +115,7 @@ impl Reader<'_, '_> {
         }
     }
 
-    /// Reads the path that begins at a token; says where to go on.
+    /// Reads the path that begins at a token; returns where to go on.
     fn read_path(&mut self, start: usize, taken: &Taken) -> usize {
         let tokens = self.tokens;
         let (path, name) = (path_at(tokens, start), tokens[start].text);
@@ -123,7 +123,7 @@ impl Reader<'_, '_> {
         let next = start + 3 * path.len() - 2;
         let (after, then) = (tokens[next].text, tokens[next + 1].text);
         let call = after == "!" && then != "=" && !is_keyword(name);
-        // See whether the word is declared here
+        // Skip a word that is declared here
         let declares = match after {
             ":" => alone && then != ":",
             "=" if matches!(then, "=" | ">") => false,

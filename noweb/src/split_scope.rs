@@ -42,7 +42,7 @@ fn stem(source: &[u8]) -> &[u8] {
     base.strip_suffix(b".nw").unwrap_or(base)
 }
 
-/// Whether a line of prose begins by asking for one of the lists.
+/// Whether a line of prose begins with the macro of one of the lists.
 fn asks_for_lists(line: &[u8]) -> bool {
     let Some(text) = line.strip_prefix(b"@text ") else { return false };
     let text = text.trim_ascii_start();

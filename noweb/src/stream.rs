@@ -29,7 +29,7 @@ pub fn put(out: &mut Vec<u8>, parts: &[&[u8]]) {
     out.push(b'\n');
 }
 
-/// What a stage makes of a stream that an earlier one has given up.
+/// The outcome for a stream that an earlier stage has declared broken.
 pub fn broken(stream: &[u8]) -> Option<Outcome> {
     let fatal = lines(stream).find(|line| line.starts_with(b"@fatal "))?;
     let text = [fatal, b"\n"].concat();
@@ -108,7 +108,7 @@ impl Codes {
     }
 }
 
-/// What a stage has to say when it has read its whole input.
+/// The outcome of a stage that has read its whole input.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
     pub text: Vec<u8>,
@@ -122,7 +122,7 @@ impl Outcome {
         Outcome { text, ..Outcome::default() }
     }
 
-    /// The failure of a last stage, told to the person.
+    /// The failure of a last stage, reported to the person.
     pub fn complaint(stage: &str, status: u8, message: &str) -> Outcome {
         let messages = bytes_of(&format!("{stage}: {message}\n"));
         Outcome { text: Vec::new(), messages, status }

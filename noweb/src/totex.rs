@@ -22,7 +22,7 @@ pub struct Options {
     pub delay: bool,
     /// Write the identifiers' cross-references.
     pub index: bool,
-    /// What ends the first line; empty for nothing.
+    /// The end of the first line; may be empty.
     pub comment: Vec<u8>,
     /// Leave TeX in names to TeX.
     pub tex_names: bool,
@@ -288,7 +288,7 @@ impl<'a> Converter<'a> {
 
     fn reference(&mut self, mark: Mark<'a>) {
         match (mark.keyword, mark.argument) {
-            // Remember a label for later
+            // Store a label for later
             (b"label", label @ Some(_)) => self.label = label,
             (b"ref", label @ Some(_)) => self.reference = label,
             (b"prevdef", label @ Some(_)) => self.previous = label,
@@ -328,7 +328,7 @@ impl<'a> Converter<'a> {
             _ if !self.options.index => {}
             (b"defn" | b"localdefn", Some(name)) => self.define_word(name),
             (b"use", Some(name)) => self.use_word(name),
-            // Take up a mark of the index of Rust
+            // Convert a mark of the index of Rust
             (b"name", Some(_)) => {
                 let name = mark.inner();
                 self.memory.shown.insert(name.keyword, name.text());
@@ -366,7 +366,7 @@ impl<'a> Converter<'a> {
                 self.identifiers.push(name);
             }
             (b"enduses", None) => self.end_words(),
-            // Skip what LaTeX finds out itself
+            // Skip the places that LaTeX collects itself
             (b"isused" | b"isdefined", Some(_)) => {}
             (b"entryuse" | b"entrydefn", Some(_)) => {}
             (b"beginindex" | b"entryend" | b"endindex", None) => {}
@@ -413,7 +413,7 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// What is shown of a key; a key without a declaration shows itself.
+    /// The text shown for a key; a key without a declaration shows itself.
     fn shown_of(&self, key: &'a [u8]) -> &'a [u8] {
         self.memory.shown.get(key).copied().unwrap_or(key)
     }
@@ -453,7 +453,7 @@ const NAME: &str = concat!(
     r"|~\textasciitilde{}|^\textasciicircum{}|\\textbackslash{}",
 );
 
-/// Puts the rest of an entry in the place of its first byte.
+/// Replaces the first byte of an entry by the rest of the entry.
 fn replace(text: &[u8], table: &str) -> Vec<u8> {
     let mut out = Vec::with_capacity(text.len());
     for byte in text {

@@ -65,7 +65,7 @@ fn similar(a: &[u8], b: &[u8]) -> bool {
     2 * changed <= a.len() + b.len()
 }
 
-/// What stands on the disk, for every edited file.
+/// The texts of the edited files on the disk.
 type Edited = BTreeMap<PathBuf, Vec<u8>>;
 
 fn edited(project: &Project, now: &Expansion) -> Result<Edited, Faults> {
@@ -212,7 +212,7 @@ impl<'a> Carrier<'a> {
         }
         let mut ways = Vec::new();
         for hunk in self.slides(hunk, room) {
-            // Put the hunk where it may stand
+            // Collect the ways at this position
             let (old, new) = hunk;
             let lines = &self.old[old.clone()];
             let spots = match old.is_empty() {
@@ -281,7 +281,7 @@ impl<'a> Carrier<'a> {
         (old.len() == new.len()).then_some(splices)
     }
 
-    /// What to say of a hunk that is not carried.
+    /// The report of a hunk that is not carried.
     fn refuse(&self, (old, new): &Hunk, text: &str) -> Diagnostic {
         let below = old.end.max((old.start + 1).min(self.old.len()));
         let above = old.start.saturating_sub(usize::from(old.is_empty()));
@@ -356,7 +356,7 @@ fn carry_all(
     checked(splices, faults)
 }
 
-/// Carries all edits of files back to the chapters; tells what changed.
+/// Carries all edits of files back to the chapters; lists the changes.
 ///
 /// With `check` nothing is written.
 pub fn untangle(
@@ -366,7 +366,7 @@ pub fn untangle(
     let old = project.expand()?;
     let record = project.read_record(&project.record);
     project.removals(&old.files, &record)?;
-    // Look whether the files are here
+    // Check that the files exist
     let here = |(path, _): &(PathBuf, _)| project.dir.join(path).exists();
     if !old.files.is_empty() && !old.files.iter().any(here) {
         let first = shown(&old.files[0].0);
@@ -375,7 +375,7 @@ pub fn untangle(
     }
     let edited = edited(project, &old)?;
     let mut splices = carry_all(&old, &edited)?;
-    // Put the splices into the chapters
+    // Apply the splices to the chapters
     splices.sort_by_key(|s| (s.file, s.range.start, s.range.end));
     splices.dedup();
     let sources = old.web.sources.iter();
@@ -402,7 +402,7 @@ pub fn untangle(
         let after = after.map_or(&b""[..], |(_, after)| &after.text);
         let differ = hunks(&lines_of(wanted), &lines_of(after));
         if let Some((line, _)) = differ.first() {
-            // Say which line the chapters do not give
+            // Report the first line that differs
             let text = match edit {
                 Some(_) => "no change of one chunk gives this line",
                 None => "an edit elsewhere would change this line, too",

@@ -14,8 +14,8 @@ use crate::diagnostic::{
 };
 use crate::markup::lines;
 
-/// The lines, from 0, by which git marks each of the conflicts in a text
-/// that the text made in its place has not.
+/// The lines, from 0, of git's marks for each conflict in a text that is
+/// not in the text made in its place.
 pub fn conflicts(text: &[u8], made: &[u8]) -> Vec<Vec<usize>> {
     let made: BTreeSet<_> = lines(made).collect();
     let signs = lines(text).map(conflict_sign).zip(0..);
@@ -23,7 +23,7 @@ pub fn conflicts(text: &[u8], made: &[u8]) -> Vec<Vec<usize>> {
     let marks: Vec<(u8, usize)> = marks.collect();
     let groups = marks.chunk_by(|_, (sign, _)| *sign != b'<');
     let groups = groups.filter_map(|marks| {
-        // Take the marks of one conflict
+        // Parse the marks of one conflict
         let end = marks.iter().position(|(sign, _)| *sign == b'>')?;
         let whole = matches!(marks[..end], [(b'<', _), .., (b'=', _)]);
         let first = lines(text).nth(marks[0].1)?;
@@ -54,7 +54,7 @@ pub fn read(
     checked(Source::new(name, text), faults)
 }
 
-/// What to say of some conflicts in a file.
+/// The faults for some conflicts in a file.
 pub fn unresolved(path: &Path, conflicts: &[Vec<usize>]) -> Faults {
     let text = "a conflict of git is not resolved here";
     let fault = |line: &usize| {

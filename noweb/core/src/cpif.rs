@@ -3,9 +3,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! Files that are replaced as a whole, and only if they change.
-//!
-//! A reader of the file sees the old text or the new one and nothing in
-//! between, and a full disk leaves the old one.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -13,7 +10,7 @@ use std::path::Path;
 use std::time::SystemTime;
 
 /// Writes a file as a whole or not at all, unless it has this text; `time`
-/// is that of its last change, if not now.
+/// is its modification time, if not now.
 /// A device or a pipe is written to; a symbolic link is followed. An
 /// existing file keeps its permissions.
 pub fn replace(

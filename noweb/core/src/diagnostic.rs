@@ -3,9 +3,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! Where something stands in the sources, and what is wrong with it.
-//!
-//! Lines and columns count from 1. A [`Place`] counts columns in bytes,
-//! as the lexer does; a [`Position`] is for people and counts characters.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -131,14 +128,14 @@ pub struct Position {
     pub excerpt: Option<String>,
 }
 
-/// One thing to tell the author of a web.
+/// One message to the author of a web.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     pub level: Level,
     pub position: Option<Position>,
     /// What it is, on one line.
     pub text: String,
-    /// What to do, and what else to know.
+    /// Remedies, and further facts.
     pub help: Vec<String>,
 }
 
@@ -159,13 +156,13 @@ impl Diagnostic {
     }
 }
 
-/// A diagnostic that waits for its position, and the place of it.
+/// A diagnostic without its position, and its place.
 pub type Complaint = (Place, Diagnostic);
 
 /// What is wrong, in order.
 pub type Faults = Vec<Diagnostic>;
 
-/// What to say of a file that could not be read, written or removed.
+/// The report of a file that could not be read, written or removed.
 pub fn failure(act: &str, path: impl AsRef<OsStr>, e: io::Error) -> Faults {
     let text = format!("cannot {act} {}: {e}", shown(path));
     vec![Diagnostic::new(Level::Error, None, text)]

@@ -4,10 +4,7 @@
 
 //! A tangler: from the chapters of a literate program to its files.
 //!
-//! Lines become tokens ([`markup`]), tokens a web of chunks ([`web`]), and
-//! the roots of a web tangled text with a map of positions ([`tangle`]).
-//! [`project`] writes the files of a program. Text is bytes throughout, for
-//! the prose may be in any encoding.
+//! Text is bytes throughout, for the prose may be in any encoding.
 
 pub mod comment;
 pub mod conflict;

@@ -150,7 +150,7 @@ struct Lexer<'a> {
     start: usize,
     at: usize,
     text_at: usize,
-    /// It continues a text that was emitted already.
+    /// The next text continues one that was emitted already.
     glued: bool,
     lexemes: Vec<Lexeme>,
     faults: Vec<Complaint>,
@@ -208,7 +208,7 @@ impl<'a> Lexer<'a> {
         self.bound([Token::BeginDocs, Token::BeginCode]);
     }
 
-    /// Emits a bound of a chunk, the one for prose or the one for code.
+    /// Emits one of two tokens, the first for prose and the second for code.
     fn bound(&mut self, tokens: [Token; 2]) {
         let number = self.chunk.to_string();
         self.emit(tokens[usize::from(self.code)], number.as_bytes(), 0);
@@ -252,7 +252,7 @@ impl<'a> Lexer<'a> {
                 self.pass(Token::Quote, b"", 2);
             }
             [b'<', b'<', ..] => {
-                // Help with the brackets in prose
+                // Suggest a fix for the brackets
                 let line = self.line;
                 let start = line.iter().take_while(|b| is_space(b)).count();
                 let indented = start == self.at

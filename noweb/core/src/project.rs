@@ -3,11 +3,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! All files of a program from the chapters that define them.
-//!
-//! Every chunk whose name is the path of a file is tangled to that file.
-//! A record of what was tangled tells a file that someone edited by hand
-//! from one that is merely out of date. First everything is planned, and
-//! only a plan without faults is carried out.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -77,8 +72,7 @@ pub fn plain(path: &Path) -> PathBuf {
     path.strip_prefix(".").unwrap_or(path).components().collect()
 }
 
-/// Is the name of a chunk the path of a file?
-/// It has a slash or a dot, no space, and leads nowhere outside.
+/// Is a name the path of a file: a slash or dot, no space, not outside?
 pub fn is_file_name(name: &[u8]) -> bool {
     let inside = |c: Component| matches!(c, Component::Normal(_));
     let path = plain(Path::new(OsStr::from_bytes(name)));
@@ -151,7 +145,7 @@ pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
         }
         match tangle(&web, root, name.ends_with(b".rs")) {
             Ok(mut tangled) => {
-                // Put the returns back
+                // Restore the returns
                 let head = chunk.definitions[0];
                 let source = &web.sources[head.file as usize];
                 let line = source.line(head.line).unwrap_or_default();
@@ -274,7 +268,7 @@ impl Project {
         let line = position.line;
         let text = "this file was edited by hand since it was tangled";
         let mut fault = Diagnostic::new(Level::Error, Some(position), text);
-        // Say where the edited line comes from
+        // Report the origin of the edited line
         let last = tangled.map.last().map(|segment| segment.place);
         let origin = tangled.origin(line, 1).or(last);
         let origin = origin.and_then(|place| web.position(place));

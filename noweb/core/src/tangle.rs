@@ -3,10 +3,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! Expansion of root chunks into program text, with its position map.
-//!
-//! A use is replaced by its chunk, every line of which is indented to the
-//! column where the use began. Columns are bytes. The map tells for every
-//! piece of the text where in the sources it stands.
 
 use std::collections::HashSet;
 use std::mem::replace;

@@ -3,9 +3,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! A web: chunks of code with the places of everything in them.
-//!
-//! The definitions of a name are concatenated in the order of reading.
-//! The newline that ends the last of them is not part of the chunk.
 
 use std::collections::HashMap;
 
@@ -43,7 +40,7 @@ pub fn quoted(name: &[u8]) -> String {
 }
 
 impl Web {
-    /// Reads sources with a lexer, and tells what is wrong with them.
+    /// Reads sources with a lexer; returns the web and its faults.
     pub fn read(
         sources: Vec<Source>,
         lexer: impl Fn(&Source, u32) -> (Vec<Lexeme>, Vec<Complaint>),
@@ -107,7 +104,7 @@ impl Web {
         Some(source.position(place))
     }
 
-    /// The chunk whose name is nearest to one that none has, if any is near.
+    /// The chunk whose name is nearest to an undefined one, if any is near.
     pub fn nearest(&self, name: &[u8]) -> Option<&Chunk> {
         let limit = name.len() / 3;
         let long = |c: &&Chunk| c.name.len().abs_diff(name.len()) <= limit;
