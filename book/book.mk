@@ -462,6 +462,7 @@ TABLES += $(BUILT)/tiny-faults.tex $(BUILD_DIR)/examples/gallery.txt \
   $(addprefix $(BUILD_DIR)/examples/tiny-,hit.txt random.txt reflect.txt \
   mean.txt render.txt)
 REPLACED_hit = Find the first triangle that a ray meets
+FROM_hit = /The nearest/
 REPLACED_random = Draw random numbers
 REPLACED_reflect = Reflect the ray on its own side of the triangle
 REPLACED_mean = Average samples
@@ -469,7 +470,7 @@ REPLACED_render = Render an image
 
 $(BUILD_DIR)/examples/tiny-%.txt: chapters/tiny.nw $(NOWEB)
 	@mkdir -p $(@D)
-	$(NOWEB) notangle -R'$(REPLACED_$*)' $< > $@
+	$(NOWEB) notangle -R'$(REPLACED_$*)' $< | sed -n '$(or $(FROM_$*),1),$$p' > $@
 
 $(BUILD_DIR)/examples/gallery.txt $(BUILD_DIR)/figures/tiny.pgm &: \
   examples/gallery.rs examples/tiny.rs doc/examples/terrace.obj \

@@ -188,7 +188,8 @@ impl Bvh {
 
     /// How far below a point the ground is; infinite without a ground.
     pub fn ground_below(&self, point: DVec3) -> f64 {
-        let ground = with_traverser!(&self.0, traverser => traverser.ground.as_ref());
+        let ground = with_traverser!(&self.0,
+            traverser => traverser.ground.as_ref());
         ground.map_or(f64::INFINITY, |ground| ground.below(point))
     }
 

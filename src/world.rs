@@ -235,8 +235,8 @@ fn named(plan: &Plan, inputs: &Inputs, host: Host) -> Named {
     if ignored > 0 && !is_read && named_albedos.is_empty() {
         let (file, albedo) = (plan.scene_name(), surfaces.albedo);
         host.warn(format!(
-            "{file}: its materials are ignored, {ignored} of them: every surface \
-             has the albedo {albedo} (--materials)"
+            "{file}: its materials are ignored, {ignored} of them: every \
+             surface has the albedo {albedo} (--materials)"
         ));
     }
     Named { named_albedos, band, materials }
@@ -365,8 +365,8 @@ fn warn_of_size(triangles: &crate::scene::Triangles, host: Host) {
     let (count, total) = (too_small(triangles), triangles.corners.len());
     if count > 0 {
         host.warn(format!(
-            "{count} of {total} triangles: smaller than 2^-40 of the largest, or \
-             2^-43 of the scene; close to larger ones the light may be wrong"
+            "{count} of {total} triangles: smaller than 2^-40 of the largest, \
+             or 2^-43 of the scene; close to larger ones the light may be wrong"
         ));
     }
 }

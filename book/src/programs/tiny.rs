@@ -47,7 +47,7 @@ pub fn run(words: &[String]) -> Done {
     let [one, two] = seconds;
     println!("gain of a second thread,1.0,{:.1}", one? / two?);
     let [tiny, ours] = both.map(|it| beyond(&it, &truth));
-    println!("pixels more than three errors off [\\%],{tiny:.2},{ours:.2}");
+    println!("pixels more than three errors off (of 100),{tiny:.2},{ours:.2}");
     Ok(())
 }
 
