@@ -331,7 +331,15 @@ places: $(BUILD_DIR)/pt $(call AND_VIEWS,$(BENCH)/statue-100000)
 
 # ---- the pictures of the README
 
-.PHONY: readme
+.PHONY: readme screens
+# Pictures of the page of ptview and of a report, which stay as they are.
+screens: $(BUILD_DIR)/ptview $(BUILD_DIR)/examples/session.txt
+	cd $(BUILD_DIR) && python3 ../view/tests/browser.py --screen \
+	  ../doc/figures/ptview.png ./ptview courtyard.obj $(CAMERA) -r 0.8
+	chromium --headless --no-sandbox --hide-scrollbars --window-size=900,850 \
+	  --screenshot=doc/figures/report.png \
+	  file://$(abspath $(BUILD_DIR))/examples/session/scene.html
+
 doc/figures/error.svg: $(MEASURED)/efficiency.csv $(SCRIPTS)/curve.py
 	python3 $(SCRIPTS)/curve.py corridor statue < $< > $@
 
@@ -428,6 +436,18 @@ $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png): $(BUILD_DIR)/figures/errors-%.png
 $(patsubst %,$(BUILT)/rmse-%.tex,$(ERRORS)): $(BUILT)/rmse-%.tex: \
   $(BUILD_DIR)/figures/samples-%.exr $(BUILD_DIR)/ptimg | $(BUILT)
 	$(BUILD_DIR)/ptimg info $< | awk '/^ *rmse:/ { printf "%.4f%%\n", $$2 }' > $@
+
+# A room by three methods, with the samples of about the same time.
+EQUAL_reference = 16
+EQUAL_sobol = 16
+EQUAL_gather = 8
+FIGURES += $(patsubst %,$(BUILD_DIR)/figures/equal-%.png,reference sobol gather)
+
+$(BUILD_DIR)/figures/equal-%.png: $(BUILD_DIR)/pt $(BENCH)/room.obj \
+  $(BENCH)/room.view | $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt -r 0.8 $$(cat $(BENCH)/room.view) -d 200x150 -q -f \
+	  --integrator $* -n $(EQUAL_$*) --no-filter --exposure 4 \
+	  -i $(BENCH)/room.obj -o $@
 
 # The scenes of which the chapters measure the times, with the stops by which
 # the interiors are brighter on paper.

@@ -226,7 +226,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let n = pixels.len() as f64;
     let sum: f64 = pixels.iter().map(|pixel| pixel.0).sum();
     let squares: f64 = pixels.iter().map(|pixel| pixel.1 * pixel.1).sum();
-    eprintln!("mean radiance {:.4} ± {:.4}", sum / n, squares.sqrt() / n);
+    eprintln!("mean radiance {:.5} ± {:.5}", sum / n, squares.sqrt() / n);
     // Write the image in shades of grey
     let level = |mean: f64| (255. * mean.powf(1. / 2.2)).round() as u8;
     let levels: Vec<u8> = pixels.iter().map(|it| level(it.0)).collect();

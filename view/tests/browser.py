@@ -3,12 +3,13 @@
 
 usage: browser.py PTVIEW FOLDER SCENE [OPTION...]
        browser.py --rates PTVIEW SCENE...
+       browser.py --screen FILE.png PTVIEW SCENE [OPTION...]
 
 Turns, walks, sets, copies and renders, compares what is rendered with what the
 copied command writes, and prints how fast images come. Screenshots go to the
 FOLDER. With --rates, prints a CSV of how fast images of scenes come; a SCENE is
 then a path without ".obj", beside which lies a ".view" with the options of the
-camera. Exits with 77 if there is no Chromium.
+camera. With --screen, saves a picture of the page. Exits with 77 if there is no Chromium.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
@@ -319,6 +320,14 @@ def rates(browser, viewer, address, scene):
     print(f'{name},{rate:.1f},{width},{pause:.2f},{peak // 1000}', flush=True)
 
 
+def screen(browser, viewer, address, file):
+    """Saves a picture of the page after ten seconds of rendering."""
+    browser.open(address)
+    browser.wait(f'{STATUS}.includes("spp")', 120)
+    time.sleep(10)
+    browser.screen(file, 1100, False)
+
+
 def serve(program, words, chromium, work, *more):
     """Works with a page of ptview in a browser."""
     viewer = subprocess.Popen([program, *words], stdout=subprocess.PIPE,
@@ -352,6 +361,10 @@ def main():
             with open(scene + '.view') as file:
                 words = [scene + '.obj', *file.read().split(), '-r', '0.8']
             serve(sys.argv[2], words, chromium, rates, scene)
+        return
+    if sys.argv[1] == '--screen':
+        file, program, *words = sys.argv[2:]
+        serve(program, words, chromium, screen, file)
         return
     program, folder, *words = sys.argv[1:]
     axe = os.environ.get('AXE')

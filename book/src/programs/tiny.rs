@@ -41,7 +41,7 @@ pub fn run(words: &[String]) -> Done {
     let ours: Pixels = image.means.into_iter().zip(errors).collect();
     let both = [terrace.pixels(PATHS), ours];
     let [tiny, ours] = both.each_ref().map(|it| rmse(it, &truth));
-    println!("error of a pixel with {PATHS} paths,{tiny:.4},{ours:.4}");
+    println!("root mean square error with {PATHS} paths,{tiny:.4},{ours:.4}");
     leaks()?;
     let seconds = [1, 2].map(|n| timed(|| terrace.image(1024, PATH, n)));
     let [one, two] = seconds;
@@ -68,7 +68,7 @@ fn slow() -> Done {
     let ours = per_path(timed(|| ball.image(256, PATH, 1))?, 256);
     let number = ball.triangles.len();
     println!(
-        "microseconds of a path before {number} triangles,{tiny:.0},{ours:.2}"
+        "microseconds of a path in a scene of {number} triangles,{tiny:.0},{ours:.2}"
     );
     Ok(())
 }
