@@ -41,13 +41,17 @@ pub fn run(words: &[String]) -> Done {
     let ours: Pixels = image.means.into_iter().zip(errors).collect();
     let both = [terrace.pixels(PATHS), ours];
     let [tiny, ours] = both.each_ref().map(|it| rmse(it, &truth));
-    println!("root mean square error with {PATHS} paths,{tiny:.4},{ours:.4}");
+    println!(
+        "root mean square error with {PATHS} paths,{tiny:.4},{ours:.4}"
+    );
     leaks()?;
     let seconds = [1, 2].map(|n| timed(|| terrace.image(1024, PATH, n)));
     let [one, two] = seconds;
     println!("gain of a second thread,1.0,{:.1}", one? / two?);
     let [tiny, ours] = both.map(|it| beyond(&it, &truth));
-    println!("pixels more than three errors off (of 100),{tiny:.2},{ours:.2}");
+    println!(
+        "pixels more than three errors off (of 100),{tiny:.2},{ours:.2}"
+    );
     Ok(())
 }
 
