@@ -188,7 +188,8 @@ pub fn mean(samples: impl Iterator<Item = f64>) -> (f64, f64) {
         squares += sample * sample;
     }
     let mean = sum / n;
-    (mean, ((squares / n - mean * mean) / (n - 1.)).sqrt())
+    let variance = (squares / n - mean * mean).max(0.);
+    (mean, (variance / (n - 1.)).sqrt())
 }
 
 pub const WIDTH: usize = 160;

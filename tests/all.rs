@@ -7,6 +7,7 @@
 mod analysis;
 mod answers_light;
 mod answers_scene;
+mod answers_teacher;
 mod bad_input;
 mod bvh;
 mod chance;

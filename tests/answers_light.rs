@@ -19,18 +19,18 @@ use litpt_book::settings;
 
 /// A number is within some distance of what is printed.
 #[track_caller]
-fn near(value: f64, printed: f64, by: f64) {
+pub fn near(value: f64, printed: f64, by: f64) {
     assert!((value - printed).abs() <= by, "{value}, not {printed}");
 }
 
 /// A cavity of albedo `rho` that is open over the share `f`.
-fn sphere(f: f64, rho: f64, rings: u32) -> Setting {
+pub fn sphere(f: f64, rho: f64, rings: u32) -> Setting {
     let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 20.);
     Setting::new(&cavity(f, rings), (rho, DVec3::Z), &view, 1.).unwrap()
 }
 
 /// The first samples of one pixel.
-fn weigh(setting: &Setting, seed: u64, samples: u64) -> Accumulator {
+pub fn weigh(setting: &Setting, seed: u64, samples: u64) -> Accumulator {
     let mut film = Film::new(1, 1);
     setting.job(seed).pass(&mut film, samples, &|_| true);
     *film.pixel(0, 0)

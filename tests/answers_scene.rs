@@ -45,7 +45,7 @@ fn a_hall_of_300_metres_is_scaled_by_32() {
 }
 
 /// A face with these corners in a plane, and whether it is odd.
-fn face(corners: &[[f64; 2]]) -> (Mesh, bool) {
+pub fn face(corners: &[[f64; 2]]) -> (Mesh, bool) {
     let text = polygons::face(&polygons::flat(corners));
     let (mesh, warning) = read_file(text.as_bytes()).unwrap();
     (mesh, !warning.is_empty())

@@ -6,16 +6,16 @@
 use crate::prelude::*;
 use litpt::compare::compare;
 use litpt::run::Run;
-use tiny::{HEIGHT, WIDTH};
+use program::{HEIGHT, WIDTH};
 
 #[allow(dead_code)]
 #[path = "../examples/tiny.rs"]
-mod tiny;
+mod program;
 
 /// An image of an OBJ by both, from a position to a target.
 fn both(source: &str, position: [f64; 3], target: [f64; 3]) -> [Image; 2] {
-    let camera = tiny::Camera::new(position, target);
-    let pixels = tiny::render(&tiny::read(source).unwrap(), &camera, 64);
+    let camera = program::Camera::new(position, target);
+    let pixels = program::render(&program::read(source).unwrap(), &camera, 64);
     let (means, errors) = pixels.into_iter().unzip();
     let size = (WIDTH as u32, HEIGHT as u32);
     let plain = Image::plain(size.0, size.1, means);
@@ -64,13 +64,13 @@ fn tiny_agrees_with_the_reference_in_three_scenes() {
 /// all of one.
 #[test]
 fn tiny_reads_faces_and_stands_outside() {
-    let triangles = tiny::read(PYRAMID).unwrap();
+    let triangles = program::read(PYRAMID).unwrap();
     assert_eq!(triangles.len(), 5);
     assert_eq!(triangles[3], [[2., 1., 0.], [-2., 1., 0.], [0., 0., 3.]]);
     for fault in ["v 1 2 x", "v 0 0 0\nf 1 2 3", "f 0 0 0", "f -1 -1 -1"] {
-        assert!(tiny::read(fault).is_err(), "{fault}");
+        assert!(program::read(fault).is_err(), "{fault}");
     }
-    let pixels = tiny::render(&triangles, &tiny::outside(&triangles), 2);
+    let pixels = program::render(&triangles, &program::outside(&triangles), 2);
     let is_sky = |i: usize| [(1., 0.), (0., 0.)].contains(&pixels[i]);
     let (top, left) = (0..WIDTH, (0..HEIGHT).map(|y| y * WIDTH));
     assert!(top.chain(left).all(is_sky));
