@@ -15,7 +15,8 @@ mod program;
 /// An image of an OBJ by both, from a position to a target.
 fn both(source: &str, position: [f64; 3], target: [f64; 3]) -> [Image; 2] {
     let camera = program::Camera::new(position, target);
-    let pixels = program::render(&program::read(source).unwrap(), &camera, 64);
+    let pixels =
+        program::render(&program::read(source).unwrap(), &camera, 64);
     let (means, errors) = pixels.into_iter().unzip();
     let size = (WIDTH as u32, HEIGHT as u32);
     let plain = Image::plain(size.0, size.1, means);
@@ -70,7 +71,8 @@ fn tiny_reads_faces_and_stands_outside() {
     for fault in ["v 1 2 x", "v 0 0 0\nf 1 2 3", "f 0 0 0", "f -1 -1 -1"] {
         assert!(program::read(fault).is_err(), "{fault}");
     }
-    let pixels = program::render(&triangles, &program::outside(&triangles), 2);
+    let pixels =
+        program::render(&triangles, &program::outside(&triangles), 2);
     let is_sky = |i: usize| [(1., 0.), (0., 0.)].contains(&pixels[i]);
     let (top, left) = (0..WIDTH, (0..HEIGHT).map(|y| y * WIDTH));
     assert!(top.chain(left).all(is_sky));

@@ -20,16 +20,16 @@ use super::Done;
 
 #[allow(dead_code)]
 #[path = "../../../examples/tiny.rs"]
-mod tiny;
+mod example;
 
-use tiny::{Camera, HEIGHT, Triangle, WIDTH};
+use example::{Camera, HEIGHT, Triangle, WIDTH};
 
 pub fn run(words: &[String]) -> Done {
     let [file] = words else {
         return Err("usage: tiny TERRACE.obj".into());
     };
     let terrace = Case {
-        triangles: tiny::read(&std::fs::read_to_string(file)?)?,
+        triangles: example::read(&std::fs::read_to_string(file)?)?,
         position: [5., 0.2, 2.6],
         target: [2.2, 2.5, 0.55],
     };
@@ -132,7 +132,7 @@ impl Case {
 
     fn pixels(&self, paths: u64) -> Pixels {
         let camera = Camera::new(self.position, self.target);
-        tiny::render(&self.triangles, &camera, paths as usize)
+        example::render(&self.triangles, &camera, paths as usize)
     }
 
     /// What `pt` makes of it; all threads are zero.
