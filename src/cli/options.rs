@@ -88,8 +88,8 @@ pub struct SceneOptions {
     #[arg(long, value_name = "X,Y,Z|x|y|z", value_parser = parse_direction)]
     pub zenith: Option<DVec3>,
 
-    /// Albedo of an endless ground below the scene; 0 hides it [default: none;
-    /// 0.3 if only pictures are written]
+    /// Albedo of an endless ground below the scene; 0 hides it [default: none];
+    /// 0.3 if only pictures are written
     #[arg(long, value_name = "ALBEDO", value_parser = parse_albedo)]
     pub ground: Option<f64>,
 }
@@ -112,14 +112,14 @@ pub struct SensorOptions {
     pub target: Option<DVec3>,
 
     /// Up axis of the camera; its largest component tells where the sky is,
-    /// unless --zenith does [default: 0,0,1; if only pictures are written, the
-    /// axis that looks right]
+    /// unless --zenith does [default: 0,0,1]; if only pictures are written, the
+    /// axis that looks right
     #[arg(short, long, value_name = "X,Y,Z|x|y|z",
           value_parser = parse_direction)]
     pub up: Option<DVec3>,
 
     /// Vertical field of view in degrees, strictly between 0 and 180
-    /// [default: 70; 35 from outside, if only pictures are written]
+    /// [default: 70]; 35 from outside, if only pictures are written
     #[arg(short = 'F', long, value_name = "DEGREES",
           value_parser = only(parse_real, |&x| x > 0. && x < 180., ANGLE))]
     pub fov: Option<f64>,
