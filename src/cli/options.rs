@@ -61,8 +61,8 @@ pub struct SceneOptions {
     pub input: Option<PathBuf>,
 
     /// Albedo of all surfaces, between 0 and 1, or of a material, group or
-    /// object of the file, as in floor=0.2; may be repeated [default: 1; if only
-    /// pictures are written, the materials of the file, or 0.7]
+    /// object of the file, as in floor=0.2; may be repeated [default: 1]; if only
+    /// pictures are written, the materials of the file, or 0.7
     #[arg(short = 'r', long = "albedo", visible_alias = "reflectivity",
           value_name = "[NAME=]ALBEDO", value_parser = parse_named_albedo)]
     pub albedos: Vec<(String, f64)>,
