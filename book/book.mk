@@ -346,16 +346,16 @@ doc/figures/error.svg: $(MEASURED)/efficiency.csv $(SCRIPTS)/curve.py
 # A strip of a room: few samples, the same filtered, its error, and the truth.
 # Some minutes; the pictures are not made again by each build.
 STRIP = $(BUILD_DIR)/pt $$(cat $(BENCH)/room.view) -d 240x180 -r 0.8 -qf \
-  -i $(BENCH)/room.obj
+  --ground 0.3 --exposure 4 -i $(BENCH)/room.obj -o
 STRIPS := doc/figures/readme
 readme: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(BENCH)/room.obj $(BENCH)/room.view \
   doc/figures/error.svg
-	$(STRIP) -n 4 --integrator reference --no-filter -e 5 -o $(STRIPS)-4.png
-	$(STRIP) --time 2 --exposure 5 -o $(STRIPS)-filtered.png \
-	  -o $(BUILD_DIR)/figures/readme.exr
+	$(STRIP) $(STRIPS)-4.png -n 4 --integrator reference --no-filter
+	$(STRIP) $(STRIPS)-filtered.png --time 2
+	$(STRIP) $(BUILD_DIR)/figures/readme.exr --time 2
 	$(BUILD_DIR)/ptimg stderr -f $(BUILD_DIR)/figures/readme.exr \
 	  -o $(STRIPS)-error.png
-	$(STRIP) -n 2048 --no-filter --exposure 5 -o $(STRIPS)-truth.png
+	$(STRIP) $(STRIPS)-truth.png -n 512
 
 # ---- mixtures of scales
 
