@@ -21,7 +21,7 @@ FLOAT = re.compile(r'\\begin{(figure|table|algorithm)}(.*?)\\end{\1}', re.S)
 REFERENCE = re.compile(r'\\(?:ref|pageref|eqref|autoref|nameref){([^}]+)}')
 READ = re.compile(r'\\(?:InputIfFileExists|IfFileExists|input|verbatiminput|'
                   r'includegraphics(?:\[[^]]*\])?){([^}#\\]+)}|'
-                  r'\\addplot[^;]*?table\s*(?:\[[^]]*\])?\s*{([^}#\\]+)}')
+                  r'\\addplot[^;]*?table\s*(?:\[[^]]*\])?\s*{([^}#\\\n]+)}')
 PICTURES = ('', '.png', '.pdf')
 
 
