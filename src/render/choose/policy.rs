@@ -173,7 +173,7 @@ impl fmt::Display for Choice {
         write!(
             out,
             "{method}{kind}: a path has {rays:.1} rays, and {share:.0} % of \
-             its variance comes after its first direction; foreseen gains"
+             its variance comes after its first direction; predicted gains"
         )?;
         for (method, gain) in &self.gains {
             write!(out, ", {method} {gain:.1}")?;
