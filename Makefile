@@ -54,7 +54,7 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty \
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin view mpi test-mpi install uninstall demo test clippy pdf html check prose boot chunk untangle watch \
+.PHONY: help bin view mpi test-mpi python test-python test-python-full install uninstall demo test clippy pdf html check prose boot chunk untangle watch \
   clean check-tex
 .DELETE_ON_ERROR:
 
@@ -67,6 +67,7 @@ help:
 	@echo 'make bin     build the programs pt, ptimg and ptview in $(BUILD_DIR)'
 	@echo 'make view    turn the courtyard in the browser'
 	@echo 'make mpi     build build/pt-mpi for clusters (needs MPI); make test-mpi'
+	@echo 'make python  build a wheel for pip in $(BUILD_DIR); make test-python[-full]'
 	@echo 'make install put them, man pages and completions below PREFIX=/usr/local'
 	@echo 'make uninstall  remove what install has put there'
 	@echo 'make clippy  lints alone'
@@ -178,6 +179,48 @@ install: bin $(BUILD_DIR)/share
 
 uninstall:
 	cd '$(DESTDIR)$(PREFIX)' && rm -f $(INSTALLED)
+
+# ---- the package for Python
+
+# An environment of its own, with what builds and tests the package.
+PYTHON = python3
+PYTHON_ENV = $(BUILD_DIR)/python
+PYTHON_RUN = PATH=$(abspath $(PYTHON_ENV))/bin:$$PATH $(if $(wildcard \
+  $(BUILD_DIR)/pt),PT=$(abspath $(BUILD_DIR)/pt)) $(PYTHON_ENV)/bin/python
+NOTEBOOK = $(PYTHON_RUN) -m nbconvert --to notebook --execute \
+  --output-dir $(BUILD_DIR)/notebooks
+
+$(PYTHON_ENV)/bin/maturin:
+	$(PYTHON) -m venv $(PYTHON_ENV)
+	$(PYTHON_ENV)/bin/pip install -q 'maturin>=1.9,<2'
+
+WHEEL := $(PYTHON_ENV)/wheel.$(BUILD_TYPE)
+$(WHEEL): $(SOURCES) $(PYTHON_ENV)/bin/maturin $(wildcard python/*.toml \
+  python/README.md python/src/*.rs python/litpt/*.py*)
+	@rm -f $(PYTHON_ENV)/wheel.* $(BUILD_DIR)/litpt-*.whl
+	$(MAP) $(PYTHON_ENV)/bin/maturin build -q -m python/Cargo.toml \
+	  --profile $(PROFILE_$(BUILD_TYPE)) -o $(BUILD_DIR)
+	@touch $@
+
+python: $(WHEEL)
+	@echo "The package: pip install $$(ls $(BUILD_DIR)/litpt-*.whl)"
+
+$(PYTHON_ENV)/installed: $(WHEEL)
+	$(PYTHON_ENV)/bin/pip install -q pytest xarray nbconvert ipykernel matplotlib numpy
+	$(PYTHON_ENV)/bin/pip install -q --force-reinstall --no-deps $(BUILD_DIR)/litpt-*.whl
+	@touch $@
+
+test-python: $(PYTHON_ENV)/installed
+	$(PYTHON_RUN) -m pytest -q -p no:cacheprovider python/tests --ignore=python/tests/full
+	$(NOTEBOOK) python/examples/daylight.ipynb
+
+# The types, the other notebooks, and what other programs find: ten minutes.
+test-python-full: test-python
+	$(PYTHON_ENV)/bin/pip install -q mypy trimesh pyvista rtree scipy embreex mitsuba
+	cd $(BUILD_DIR) && python/bin/python -m mypy.stubtest litpt
+	$(NOTEBOOK) python/examples/*.ipynb
+	$(PYTHON_RUN) -m pytest -q -p no:cacheprovider python/tests/full
+	$(PYTHON_RUN) python/tests/full/rates.py doc/measured/python.csv
 
 # ---- the courtyard
 

@@ -491,6 +491,7 @@ impl Filter<'_> {
 }
 
 /// A filtered image.
+#[derive(Clone)]
 pub struct Filtered {
     /// Its pixels, with their root mean square errors.
     pub image: Image,

@@ -18,6 +18,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -36,13 +37,15 @@ use crate::sensor::{Point, read_points};
 #[derive(Clone, Default)]
 pub struct Inputs {
     /// The mesh of the scene, in its own coordinates.
-    pub mesh: Mesh,
+    pub mesh: Arc<Mesh>,
     /// The SHA-256 of its file in hexadecimal, if a file records it.
     pub sha256: String,
     /// The points of a sensor of points.
     pub points: Vec<Point>,
     /// The SHA-256 of their file.
     pub points_sha256: String,
+    /// The albedo of each face, if they are given one by one.
+    pub albedos: Vec<f64>,
     /// The albedos of materials by name.
     pub materials: BTreeMap<String, f64>,
     /// Seconds for reading.
@@ -51,7 +54,7 @@ pub struct Inputs {
 
 impl From<Mesh> for Inputs {
     fn from(mesh: Mesh) -> Self {
-        Self { mesh, ..Self::default() }
+        Self { mesh: mesh.into(), ..Self::default() }
     }
 }
 
@@ -83,7 +86,7 @@ impl Inputs {
             inputs.points = points.map_err(|error| error.of_file(&file))?;
             host.warn_all(&file, odd);
         }
-        inputs.mesh = parse(&plan.scene_name(), &bytes, host)?;
+        inputs.mesh = parse(&plan.scene_name(), &bytes, host)?.into();
         if plan.names_scene() {
             inputs.sha256 = sha256(&bytes);
         }
@@ -157,7 +160,7 @@ fn parse(file: &str, bytes: &[u8], host: Host) -> Result<Mesh> {
 }
 
 /// A hash of some bytes, in hexadecimal digits.
-fn sha256(bytes: &[u8]) -> String {
+pub fn sha256(bytes: &[u8]) -> String {
     let hash = Sha256::digest(bytes);
     hash.iter().map(|byte| format!("{byte:02x}")).collect()
 }

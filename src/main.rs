@@ -4,6 +4,7 @@
 
 //! The command `pt`.
 
+use std::env;
 use std::process::ExitCode;
 
 use litpt::cli::files::keep_the_place;
@@ -16,5 +17,5 @@ use litpt::integrator::SingleProcess;
 static BEFORE_MAIN: extern "C" fn() = keep_the_place;
 
 fn main() -> ExitCode {
-    main_with(&SingleProcess)
+    main_with(env::args_os().collect(), &SingleProcess).into()
 }

@@ -18,7 +18,7 @@
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs;
 use std::path::Path;
 
@@ -197,6 +197,12 @@ impl FaceAlbedos {
         Ok(Self { stretches })
     }
 
+    /// These albedos of the faces, one by one.
+    pub fn each(albedos: &[f64]) -> Self {
+        let stretches = (0..).zip(albedos.iter().copied()).collect();
+        Self { stretches }
+    }
+
     /// The albedo of a face.
     pub fn of(&self, face: u32) -> f64 {
         let after =
@@ -229,15 +235,16 @@ impl AlbedoTable {
             return Ok(Self { numbers, albedos, mean: first });
         }
         let mut table = Self::default();
+        let mut numbered = HashMap::new();
         let (mut sum, mut area_sum) = (0., 0.);
         bvh.for_each(|slot, &[a, b, c]| {
             let albedo = faces.of(bvh.face(slot));
             // Number an albedo
-            let found = table.albedos.iter().rposition(|&a| a == albedo);
-            let number = found.unwrap_or_else(|| {
+            let next = table.albedos.len();
+            let number = *numbered.entry(albedo.to_bits()).or_insert(next);
+            if number == next {
                 table.albedos.push(albedo);
-                table.albedos.len() - 1
-            });
+            }
             let slot = slot as usize;
             table.numbers.resize(table.numbers.len().max(slot + 1), 0);
             table.numbers[slot] = number as u16;

@@ -48,7 +48,7 @@ use crate::report::{Report, Settings, metric};
 use crate::state::checkpoint::Checkpoint;
 use crate::state::learnt;
 use crate::statistics::Accumulator;
-use crate::world::World;
+use crate::world::{Geometry, World};
 
 /// The states of earlier runs: the state of this run, which continues, and
 /// the state of another part of it, whose trained cache is used.
@@ -224,7 +224,8 @@ impl<'a> Run<'a> {
         let (Self { key, world, .. }, view) = (self, self.world.view());
         let [run_window, window] = key.windows();
         let windows = (window, run_window);
-        let trace = || fragments(&world.bvh, &view, windows).into();
+        let trace =
+            || fragments(&world.geometry.bvh, &view, windows).into();
         key.filtered.then(|| self.shown.get_or_init(trace).clone())
     }
 
@@ -307,7 +308,7 @@ impl<'a> Run<'a> {
         (x, y): (u32, u32),
         n: u64,
     ) -> Result<String> {
-        let World { bvh, frame, .. } = self.world;
+        let Geometry { bvh, frame, .. } = &*self.world.geometry;
         let row = match self.world.table() {
             Some((_, receivers)) => {
                 receivers.numbers.iter().position(|&it| it == y)
@@ -416,7 +417,7 @@ impl Rendering<'_> {
         let film = &self.film;
         if let Some((table, receivers)) = self.world.table() {
             let values = table.values(receivers, film, None).into_iter();
-            return values.map(|(pair, _)| pair.map(f64::from)).collect();
+            return values.map(|(pair, _)| pair).collect();
         }
         let errors = film.errors(NEIGHBOUR_WEIGHT, film.window);
         film.means().zip(errors).map(Into::into).collect()

@@ -144,7 +144,7 @@ impl<'a> RunOutput<'a> {
         let trace = |world: &World| {
             let (own, view) = (seen.fragments.clone(), world.view());
             let windows = (film.window, film.run_window);
-            let trace = || fragments(&world.bvh, &view, windows);
+            let trace = || fragments(&world.geometry.bvh, &view, windows);
             own.unwrap_or_else(|| trace().into())
         };
         let opacity =
@@ -225,9 +225,11 @@ fn expose(
 ) -> [Option<f64>; 2] {
     let has = |wanted| due.contains(&wanted);
     let auto = LazyCell::new(|| match camera {
-        Some(world) => {
-            auto_stops(surface_means(&world.bvh, &world.view(), film))
-        }
+        Some(world) => auto_stops(surface_means(
+            &world.geometry.bvh,
+            &world.view(),
+            film,
+        )),
         None => {
             let pixels = film.rows().map(|p| (p.mean(), p.variance()));
             auto_stops(seeming_surfaces(pixels))

@@ -98,6 +98,12 @@ impl Scene {
         Self::of(mesh.clone())
     }
 
+    /// A scene without triangles in a frame.
+    pub fn empty(frame: Frame) -> Self {
+        let (triangles, left_out) = Default::default();
+        Self { frame, triangles, left_out }
+    }
+
     /// Like `new`, but takes the mesh over.
     pub fn of(mesh: Mesh) -> Self {
         let (extremes, faces) = (mesh.corners(), mesh.faces());

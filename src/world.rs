@@ -17,6 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -48,13 +49,8 @@ pub struct World {
     pub subject: Subject,
     /// The sensor, which starts the samples.
     pub sensor: Sensor,
-    albedos: AlbedoTable,
-    /// The map from the coordinates of the file.
-    pub frame: Frame,
-    /// The hierarchy.
-    pub bvh: Bvh,
-    /// The faces that the scene has left out.
-    pub left_out: [Vec<u32>; 2],
+    /// The triangles, which several worlds may share.
+    pub geometry: Arc<Geometry>,
     /// The work that the scene does not need.
     pub analysis: SceneAnalysis,
     /// The table for the values of receivers.
@@ -67,8 +63,8 @@ pub struct World {
 impl World {
     /// The view for renderers.
     pub fn view(&self) -> LitView<'_> {
-        let Self { subject, sensor, albedos, .. } = self;
-        let surfaces = Surfaces::new(albedos, subject.ground);
+        let Self { subject, sensor, geometry, .. } = self;
+        let surfaces = Surfaces::new(&geometry.albedos, subject.ground);
         let (sky, resolution) = (subject.sky, subject.sensed.resolution());
         LitView { sensor, sky, surfaces, resolution }
     }
@@ -85,9 +81,21 @@ impl World {
 
     /// What renderers of this world are made from.
     pub fn setup(&self) -> Setup<'_> {
-        let Self { bvh, analysis, .. } = self;
-        Setup { intersector: bvh, view: self.view(), analysis }
+        let Self { geometry, analysis, .. } = self;
+        Setup { intersector: &geometry.bvh, view: self.view(), analysis }
     }
+}
+
+/// The triangles of a scene, ready to be traced.
+pub struct Geometry {
+    /// The map from the coordinates of the file.
+    pub frame: Frame,
+    /// The hierarchy.
+    pub bvh: Bvh,
+    /// The faces that the scene has left out.
+    pub left_out: [Vec<u32>; 2],
+    albedos: AlbedoTable,
+    quality: Quality,
 }
 
 impl World {
@@ -96,42 +104,75 @@ impl World {
     /// # Errors
     /// The plan does not suit the scene, or there is too little memory.
     pub fn new(plan: &Plan, inputs: Inputs, host: Host) -> Result<Self> {
+        inputs.mesh.check()?;
+        Self::with(None, plan, inputs, host)
+    }
+
+    /// Prepares a scene whose geometry is built. The inputs are those of that
+    /// world but for points, and the plan has its surfaces and its light.
+    ///
+    /// # Errors
+    /// The plan does not suit the scene.
+    pub fn sharing(
+        geometry: &Arc<Geometry>,
+        plan: &Plan,
+        inputs: Inputs,
+        host: Host,
+    ) -> Result<Self> {
+        Self::with(Some(geometry), plan, inputs, host)
+    }
+
+    /// Prepares a scene, which may be built already.
+    fn with(
+        built: Option<&Arc<Geometry>>,
+        plan: &Plan,
+        inputs: Inputs,
+        host: Host,
+    ) -> Result<Self> {
         let began = Instant::now();
         plan.check()?;
-        inputs.mesh.check()?;
         let file = plan.scene_name();
         let triangles = inputs.mesh.triangles.len() as u64;
         let file =
             SceneFile { file, sha256: inputs.sha256.clone(), triangles };
         let mesh = &inputs.mesh;
-        let named = named(plan, &inputs, host);
-        let faces =
-            FaceAlbedos::new(&mesh.marks, &named, plan.surfaces.albedo)
-                .map_err(|fault| fault.of_file(&file.file))?;
+        let once = if built.is_none() { host } else { Host::default() };
+        let named = named(plan, &inputs, once);
+        // Give each face its albedo
+        let faces = match &inputs.albedos[..] {
+            [] => {
+                let others = plan.surfaces.albedo;
+                FaceAlbedos::new(&mesh.marks, &named, others)
+                    .map_err(|fault| fault.of_file(&file.file))?
+            }
+            each => FaceAlbedos::each(each),
+        };
         let (asked, table) = asked(plan, &inputs, &faces).unzip();
         let mut subject = subject(plan, mesh, named, asked);
         note_camera(plan, &subject, host);
         let light = light(plan, mesh, &subject);
         let seconds = inputs.seconds;
         // Place the sensor in the frame of the scene
-        let scene = Scene::of(inputs.mesh);
+        let is_elsewhere = match plan.sensor {
+            SensorPlan::Camera(_) | SensorPlan::Points(_) => true,
+            SensorPlan::Faces { .. } | SensorPlan::Vertices => false,
+        };
+        let scene = match built.filter(|_| is_elsewhere) {
+            Some(built) => Scene::empty(built.frame.clone()),
+            None => Scene::of(Arc::unwrap_or_clone(inputs.mesh)),
+        };
         let mut sensor = match &table {
             Some(table) => Sensor::Receivers(table.receivers(&scene)),
             None => camera(&subject.sensed, &scene.frame)?,
         };
-        let Scene { frame, triangles, left_out } = scene;
-        // Build the hierarchy
-        let rays = rays(plan, &subject, &sensor);
-        let rays = rays / host.ranks.rank_and_size().1 as f64;
-        let quality = Quality::expecting(triangles.corners.len(), rays);
-        warn_of_size(&triangles, host);
-        let total = Some(triangles.corners.len() as u64);
-        host.enter("building the hierarchy", total);
-        let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
-        let bvh = Bvh::of(triangles, quality, plan.isa(), &placed);
-        let mut bvh = bvh?;
-        bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
-        let albedos = AlbedoTable::new(&faces, &bvh)?;
+        let geometry = match built {
+            Some(built) => built.clone(),
+            None => {
+                let rays = rays(plan, &subject, &sensor);
+                build(plan, scene, rays, (&subject, &faces), host)?
+            }
+        };
+        let Geometry { frame, bvh, left_out, quality, .. } = &*geometry;
         // Sort the receivers and finish the world
         if let (Some(table), Sensor::Receivers(receivers)) =
             (&table, &mut sensor)
@@ -139,7 +180,7 @@ impl World {
             let grid = Grid::around(&receivers.middles());
             let has_sides =
                 plan.points().is_some() && left_out[1].is_empty();
-            let around = (&bvh, &frame, subject.sky.zenith, has_sides);
+            let around = (bvh, frame, subject.sky.zenith, has_sides);
             receivers.order(around, |hit| grid.order(hit));
             let odd = table.odd(receivers, |why, _| why != INSIDE);
             host.warn_all(&table.file, odd);
@@ -160,10 +201,7 @@ impl World {
         let mut world = Self {
             subject,
             sensor,
-            albedos,
-            frame,
-            bvh,
-            left_out,
+            geometry,
             analysis: SceneAnalysis::default(),
             table,
             report,
@@ -185,7 +223,7 @@ impl World {
             true => &["background"],
             false => &[],
         };
-        let Self { left_out, bvh, .. } = &*self;
+        let Geometry { left_out, bvh, .. } = &*self.geometry;
         let analysis =
             SceneAnalysis::find(left_out, bvh, &self.view(), kept);
         let (found, area) = analysis.known_pixels.count();
@@ -205,16 +243,18 @@ impl World {
         let named_albedos = plan.surfaces.named.clone();
         let named = Named { named_albedos, ..self.subject.named.clone() };
         let new = subject(plan, mesh, named, None);
-        let sensor = camera(&new.sensed, &self.frame)?;
+        let sensor = camera(&new.sensed, &self.geometry.frame)?;
+        let geometry = Arc::get_mut(&mut self.geometry)
+            .ok_or("another world has this geometry")?;
         let old = &self.subject;
         if (old.albedo, &old.named) != (new.albedo, &new.named) {
             let marks = &mesh.marks;
             let faces = FaceAlbedos::new(marks, &new.named, new.albedo)?;
-            self.albedos = AlbedoTable::new(&faces, &self.bvh)?;
+            geometry.albedos = AlbedoTable::new(&faces, &geometry.bvh)?;
         }
         let zenith = |s: &Subject| s.ground.map(|_| s.sky.zenith);
         if zenith(old) != zenith(&new) {
-            self.bvh.set_ground(zenith(&new));
+            geometry.bvh.set_ground(zenith(&new));
         }
         (self.subject, self.sensor) = (new, sensor);
         self.analyse(plan, Host::default());
@@ -224,6 +264,27 @@ impl World {
 
 /// Seconds in which a thread searches a tile for background, about.
 const TILE_SEARCH: f64 = 3e-6;
+
+/// Builds the geometry of a scene for so many rays.
+fn build(
+    plan: &Plan,
+    scene: Scene,
+    rays: f64,
+    (subject, faces): (&Subject, &FaceAlbedos),
+    host: Host,
+) -> Result<Arc<Geometry>> {
+    let Scene { frame, triangles, left_out } = scene;
+    let rays = rays / host.ranks.rank_and_size().1 as f64;
+    let quality = Quality::expecting(triangles.corners.len(), rays);
+    warn_of_size(&triangles, host);
+    let total = Some(triangles.corners.len() as u64);
+    host.enter("building the hierarchy", total);
+    let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
+    let mut bvh = Bvh::of(triangles, quality, plan.isa(), &placed)?;
+    bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
+    let albedos = AlbedoTable::new(faces, &bvh)?;
+    Ok(Geometry { frame, bvh, left_out, albedos, quality }.into())
+}
 
 /// The albedos that have names; warns of materials that are ignored.
 fn named(plan: &Plan, inputs: &Inputs, host: Host) -> Named {
@@ -253,7 +314,7 @@ fn asked(
     let (asked, shape) = match &plan.sensor {
         SensorPlan::Camera(_) => return None,
         SensorPlan::Points(path) => {
-            (file, mesh) = (input_name(path), Mesh::default());
+            (file, mesh) = (input_name(path), Arc::default());
             let hash = inputs.points_sha256.clone();
             (
                 ReceiverSource::Points(hash),

@@ -331,7 +331,7 @@ fn shown(obj: &str, size: (u32, u32)) -> Fragments {
     let mesh = read_obj(obj.as_bytes()).unwrap();
     let world = World::new(&plan, mesh.into(), Host::default()).unwrap();
     let window = Window { corner: (0, 0), size };
-    fragments(&world.bvh, &world.view(), (window, window))
+    fragments(&world.geometry.bvh, &world.view(), (window, window))
 }
 
 /// The parts of a pixel add up to it, whatever it shows; and a rod that no ray

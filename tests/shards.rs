@@ -8,7 +8,7 @@ use crate::prelude::*;
 
 use crate::checkpoint::run_key_with;
 use litpt::key::Part;
-use litpt::state::shards;
+use litpt::state::{checkpoint::Checkpoint, shards};
 
 /// A view of four rows of tiles, the last of them cut off.
 const VIEW: &str = "-q -f -iroom.obj -d40x50 -r0.7";
@@ -236,7 +236,8 @@ fn put(place: &Scratch, name: &str, facts: Value) {
 /// Why states are not merged.
 #[track_caller]
 fn fault(place: &Scratch, names: [&str; 2]) -> String {
-    let merged = shards::merge(&names.map(|name| place.path(name)));
+    let states = names.map(|name| Checkpoint::of_file(&place.path(name)));
+    let merged = shards::merge(states);
     let fault = merged.map(|merged| merged.missing).unwrap_err();
     fault.to_string().replace(&*place.path("").to_string_lossy(), "")
 }

@@ -13,7 +13,7 @@ use std::process::{self, ExitCode};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError, mpsc};
 use std::time::{Duration, Instant};
-use std::{panic, thread};
+use std::{env, panic, thread};
 
 use litpt::cli::files::keep_the_place;
 use litpt::cli::ranks::{Ranks, follow};
@@ -138,7 +138,7 @@ fn main() -> ExitCode {
     };
     abort_on_panic();
     match world().rank() {
-        0 => shutdown(main_with(&World)),
+        0 => shutdown(main_with(env::args_os().collect(), &World).into()),
         rank => serve(rank),
     }
 }

@@ -26,6 +26,7 @@ use litpt::output::{OutputTarget, descriptor, format_of, refuse_aliases};
 use litpt::plan::{Outputs, Product};
 use litpt::report::Kind;
 use litpt::run_output::RunOutput;
+use litpt::state::checkpoint::Checkpoint;
 use litpt::state::shards::{self, is_state_name};
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
@@ -221,7 +222,7 @@ fn main() -> ExitCode {
     let _ = flag::register(SIGXFSZ, Arc::default());
     let arguments: Arguments = match parse_words(env::args_os()) {
         Ok(arguments) => arguments,
-        Err(error) => return fail(error),
+        Err(error) => return fail(error).into(),
     };
     // Report a fault by message and status
     run(&arguments.verb).unwrap_or_else(|error| {
@@ -369,7 +370,8 @@ fn merge(
     let has = |is: fn(&Product) -> bool| {
         targets.iter().any(|(product, _)| is(product))
     };
-    let merged = shards::merge(files)?;
+    let states = files.iter().map(|path| Checkpoint::of_file(path));
+    let merged = shards::merge(states)?;
     // Refuse an image of receivers
     let is_list = merged.record.run_key.subject.sensed.is_list();
     if is_list && has(|product| *product != Product::State) {

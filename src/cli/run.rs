@@ -5,9 +5,9 @@
 
 use std::collections::BTreeSet;
 use std::env;
+use std::ffi::OsString;
 use std::io::{self, IsTerminal};
 use std::path::Path;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use anstream::{AutoStream, ColorChoice};
@@ -37,32 +37,32 @@ use crate::sensor::INSIDE;
 use crate::state::checkpoint::{Checkpoint, RunRecord};
 use crate::world::World;
 
-/// Runs `pt` with the words of the process, which leads `ranks`; returns its
-/// exit status.
-pub fn main_with(ranks: &dyn Ranks) -> ExitCode {
+/// Runs `pt` with these words, the first of which is its name, in a process
+/// that leads `ranks`; returns its exit status.
+pub fn main_with(words: Vec<OsString>, ranks: &dyn Ranks) -> u8 {
     #[cfg(target_env = "gnu")]
     give_arrays_back();
     let start = Instant::now();
-    if env::args_os().len() <= 1 && io::stdin().is_terminal() {
+    if words.len() <= 1 && io::stdin().is_terminal() {
         let _ = print(&Options::command().render_help());
-        return ExitCode::from(2);
+        return 2;
     }
-    let options = Options::parse(env::args_os());
+    let options = Options::parse(words);
     let done = options.and_then(|options| run(&options, start, ranks));
-    done.map_or_else(fail, |stop| status(stop, 0).into())
+    done.map_or_else(fail, |stop| status(stop, 0))
 }
 
 /// Prints why a program ends; returns its exit status.
-pub fn fail(error: Error) -> ExitCode {
+pub fn fail(error: Error) -> u8 {
     let error = match error {
         Error::Help(text) => match print(&text) {
-            Ok(()) => return ExitCode::SUCCESS,
+            Ok(()) => return 0,
             Err(error) => error.into(),
         },
         other => other,
     };
     progress::error(&error.to_string());
-    ExitCode::from(if matches!(error, Error::Usage(_)) { 2 } else { 1 })
+    if matches!(error, Error::Usage(_)) { 2 } else { 1 }
 }
 
 /// Prints a text on standard output, on a terminal in colour.
@@ -335,7 +335,7 @@ fn finish(
 
 /// Warns of receivers without light, and of those that seem to be inside a
 /// body.
-fn warn_of_receivers(world: &World, film: &Film, host: Host) {
+pub fn warn_of_receivers(world: &World, film: &Film, host: Host) {
     let Some((table, receivers)) = world.table() else { return };
     let first = film.window.corner.1 as usize;
     let means = receivers.numbers[first..].iter().zip(film.means());

@@ -10,6 +10,7 @@ use glam::{BVec3, DVec3};
 use crate::numerics::{exponent, power_of_two, shift};
 
 /// The map from the coordinates of the file to those of the scene.
+#[derive(Clone)]
 pub struct Frame {
     /// The least corner of the scene's box, times `part`; zero along an
     /// axis that is only scaled.

@@ -5,6 +5,7 @@
 
 use std::io::{self, Write};
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -78,7 +79,7 @@ pub struct Table {
     /// For each side that receives, whether it is a back.
     pub backs: &'static [bool],
     /// The scene, in the coordinates of the file, unless there are points.
-    pub mesh: Mesh,
+    pub mesh: Arc<Mesh>,
     /// The name of the file of the receivers.
     pub file: String,
     /// The albedo of each face, if radiosity is asked for.
@@ -87,8 +88,9 @@ pub struct Table {
     pub grey: fn(f64) -> u8,
 }
 
-/// A value and its standard error, and the number of samples.
-pub type Value = ([f32; 2], f64);
+/// A value and its standard error, and the number of samples. Files have them
+/// in single precision.
+pub type Value = ([f64; 2], f64);
 
 /// A text as a cell of CSV.
 fn cell(text: &str) -> String {
@@ -174,7 +176,7 @@ impl Table {
         film: &Film,
         allocation: Option<&[u32]>,
     ) -> Vec<Value> {
-        let mut values = vec![([f32::NAN; 2], 0.); receivers.asked];
+        let mut values = vec![([f64::NAN; 2], 0.); receivers.asked];
         let window = film.window;
         let numbers = &receivers.numbers[window.corner.1 as usize..];
         let means = film.means_of(window).into_iter();
@@ -183,7 +185,7 @@ impl Table {
         for (&number, ((mean, error), count)) in numbers.iter().zip(found) {
             let (face, _) = self.face(number as usize);
             let part = self.albedos.as_ref().map_or(1., |a| a.of(face));
-            let found = [mean, error].map(|x| (part * x) as f32);
+            let found = [mean, error].map(|x| part * x);
             values[number as usize] = (found, count);
         }
         values
@@ -205,7 +207,8 @@ impl Table {
         let mut marks = self.mesh.marks.iter().peekable();
         let mut names = [""; 4];
         // Write a line of CSV for each receiver
-        for (i, ([value, error], samples)) in values.iter().enumerate() {
+        for (i, (pair, samples)) in values.iter().enumerate() {
+            let [value, error] = pair.map(|x| x as f32);
             let mut more = String::new();
             let place = match &self.shape {
                 Shape::Points(points) => {
@@ -252,7 +255,7 @@ impl Table {
     }
 
     fn ply(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
-        let Mesh { vertices, triangles, .. } = &self.mesh;
+        let Mesh { vertices, triangles, .. } = &*self.mesh;
         let count = self.backs.len() * triangles.len();
         let is_soup = matches!(self.shape, Shape::Faces(_));
         let corners = if is_soup { 3 * count } else { values.len() };
@@ -300,7 +303,7 @@ impl Table {
         };
         // Write the corners of a PLY
         for (place, normal, number) in (0..corners).map(corner) {
-            let ([value, error], _) = values[number];
+            let [value, error] = values[number].0.map(|x| x as f32);
             let grey = [(self.grey)(value.into()); 3];
             let colour = if value.is_nan() { [255, 0, 255] } else { grey };
             let place = place.to_array().map(f64::to_le_bytes);
@@ -324,7 +327,7 @@ impl Table {
 
     fn obj(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
         for (p, ([value, _], _)) in self.mesh.vertices.iter().zip(values) {
-            let ([x, y, z], grey) = (p.to_array(), value.max(0.));
+            let ([x, y, z], grey) = (p.to_array(), value.max(0.) as f32);
             writeln!(out, "v {x} {y} {z} {grey} {grey} {grey}")?;
         }
         for corners in &self.mesh.triangles {

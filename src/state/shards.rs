@@ -5,7 +5,8 @@
 //! Shards, which are parts of one run, and how their states are merged.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::io::{BufRead, Seek};
+use std::path::Path;
 
 use crate::error::Result;
 use crate::film::{Film, Window};
@@ -57,18 +58,21 @@ pub struct Merged {
     pub missing: Option<String>,
 }
 
-/// Adds the states of parts of one run.
+/// Adds the states of parts of one run, which have different names.
 ///
 /// # Errors
-/// A file is no state, or is damaged; two of them are not of one run, have
-/// not learnt the same, or hold the same samples.
-pub fn merge(files: &[PathBuf]) -> Result<Merged> {
+/// One cannot be read; two of them are not of one run, have not learnt the
+/// same, or hold the same samples.
+pub fn merge<R: BufRead + Seek>(
+    states: impl IntoIterator<Item = Result<Checkpoint<R>>>,
+) -> Result<Merged> {
     let mut sum: Option<Merged> = None;
-    let mut held: Vec<(&Path, [Held; 2])> = vec![];
+    let mut held: Vec<(String, [Held; 2])> = vec![];
     let mut total = Convergence::default();
-    for path in files {
-        let (first, name) = (files[0].display(), path.display());
-        let mut state = Checkpoint::of_file(path)?;
+    for state in states {
+        let mut state = state?;
+        let name = state.name.clone();
+        let first = held.first().map_or(&name, |(first, _)| first);
         let mut film = state.record.run_key.film();
         let part = state.record.run_key.part;
         state.record.run_key.part = part.map(Part::whole);
@@ -106,7 +110,6 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
         let whole = Held { rows, samples };
         for (other, [theirs, _]) in &held {
             if let Some(both) = theirs.common(&whole) {
-                let other = other.display();
                 return Err(
                     format!("{other} and {name} both hold {both}").into()
                 );
@@ -114,7 +117,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
         }
         // Add the sums and the costs of a state
         let filled = state.fill(&mut film);
-        filled.map_err(|fault| fault.of_file(path))?;
+        filled.map_err(|fault| fault.of_file(&name))?;
         merged.film.merge(&film);
         total.rays += report.convergence.rays;
         total.seconds += report.convergence.seconds;
@@ -123,7 +126,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged> {
         }
         let (from, to) = samples;
         let samples = (from, to.min(from + film.samples()));
-        held.push((path, [whole, Held { samples, ..whole }]));
+        held.push((name, [whole, Held { samples, ..whole }]));
     }
     // Complete the merged run
     let mut merged = sum.ok_or("there is nothing to merge")?;

@@ -76,7 +76,7 @@ struct Viewer {
     /// The beginning of the address: the host, and a secret.
     host: String,
     token: String,
-    scene: RwLock<Option<(Mesh, World)>>,
+    scene: RwLock<Option<(Arc<Mesh>, World)>>,
     wanted: Mutex<Wanted>,
     changed: Condvar,
     /// Stops the current run.
@@ -114,7 +114,7 @@ const FILES: [&str; 4] =
 const LOG: &str = "log";
 
 fn main() -> ExitCode {
-    run().map_or_else(fail, |()| ExitCode::SUCCESS)
+    run().map_or_else(|e| fail(e).into(), |()| ExitCode::SUCCESS)
 }
 
 fn run() -> Result<(), options::Error> {
@@ -251,7 +251,7 @@ impl Viewer {
 }
 
 /// Reads a scene, to be shown in several ways.
-fn open(plan: Plan) -> Result<(Mesh, World)> {
+fn open(plan: Plan) -> Result<(Arc<Mesh>, World)> {
     let budget = Budget::samples(64);
     let mut plan = Plan { budget, ..plan };
     let listen = |event: Event| match event {
@@ -333,7 +333,7 @@ fn small_gather(
     }
     let gather = Gather {
         view,
-        intersector: &world.bvh,
+        intersector: &world.geometry.bvh,
         known_pixels: KnownPixels::NOTHING,
         seed: 0,
         norm: ErrorNorm::default(),
@@ -342,7 +342,7 @@ fn small_gather(
         learnt: learnt.into(),
         communicator: &SingleProcess,
     };
-    let shown = fragments(&world.bvh, &view, (window, window));
+    let shown = fragments(&world.geometry.bvh, &view, (window, window));
     (gather, film.with_halves(Some(shown.into())))
 }
 
@@ -505,8 +505,11 @@ impl Viewer {
         gather.pass(&mut film, spp, watch);
         if film.unsampled() == 0 {
             guess.mean = film.summary().mean;
-            let stops =
-                auto_stops(surface_means(&world.bvh, &gather.view, &film));
+            let stops = auto_stops(surface_means(
+                &world.geometry.bvh,
+                &gather.view,
+                &film,
+            ));
             let about =
                 json!({ "spp": spp, "moves": true, "stops": stops });
             self.send_image(&film, about);
@@ -528,7 +531,7 @@ impl Viewer {
         let sampling = run.key.sampling;
         let interrupt = Some(&self.interrupt);
         let limits = Limits { interrupt, ..run.limits() };
-        let (bvh, view) = (&world.bvh, &world.view());
+        let (bvh, view) = (&world.geometry.bvh, &world.view());
         // Send an image after each step
         let mut due = Instant::now();
         let mut send = |run: &Convergence, film: &Film, is_last: bool| {
@@ -740,10 +743,11 @@ impl Viewer {
         let (_, world) = scene.as_ref()?;
         let [x, y] =
             ["x", "y"].map(|name| body[name].as_f64().unwrap_or(0.));
-        let hit = world.sensor.start(&world.bvh, x, y).2?;
+        let hit = world.sensor.start(&world.geometry.bvh, x, y).2?;
         let is_face = hit.primitive < GROUND;
-        let face = is_face.then(|| world.bvh.face(hit.primitive) + 1);
-        let point = world.frame.back(hit.point).to_array();
+        let face =
+            is_face.then(|| world.geometry.bvh.face(hit.primitive) + 1);
+        let point = world.geometry.frame.back(hit.point).to_array();
         Some(json!({ "point": point, "face": face }))
     }
 

@@ -1,0 +1,208 @@
+# Tangled from chapters/python.nw; edit there.
+# Copyright (C) 2026 litpt contributors
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Values with errors."""
+import functools
+import html
+import os
+import shlex
+import tempfile
+
+import numpy as np
+
+
+class Estimate:
+    """Estimated numbers `value` with standard errors `stderr`: float64 arrays
+    of one shape. It may be multiplied and divided by numbers."""
+
+    __array_ufunc__ = None  # numpy's functions need value
+
+    def __init__(self, value, stderr):
+        self.value, self.stderr = value, stderr
+
+    def __array__(self, dtype=None, copy=None):
+        return np.array(self.value, dtype)
+
+    def __mul__(self, factor):
+        if isinstance(factor, Estimate):
+            return NotImplemented
+        factor = np.asarray(factor, float)
+        return Estimate(self.value * factor, self.stderr * abs(factor))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, number):
+        return self * (1 / np.asarray(number, float))
+
+    def __format__(self, form):
+        return format(self.value, form) if form else repr(self)
+
+    def __repr__(self):
+        if not self.value.shape:
+            return rounded(self.value, self.stderr)
+        with np.printoptions(threshold=12):
+            return f"value: {self.value}\nstderr: {self.stderr}"
+
+
+def rounded(value, stderr):
+    """A value with the digits for which its error has two."""
+    if not 0 < stderr < np.inf:
+        return f"{value:.6g} ± {stderr:.2g}"
+    places = max(0, 1 - int(np.floor(np.log10(stderr))))
+    return f"{value:.{places}f} ± {stderr:.{places}f}"
+
+
+class Result(Estimate):
+    """What a run has found. Besides `value` and `stderr`:
+
+    samples
+        int64, of the same shape.
+    filtered, filtered_stderr
+        A picture with less noise and its error, float64; None for receivers
+        and if there are too few samples.
+    method, stopped, seconds, unit
+        How it was rendered; why that ended: by "samples", "time", "error", an
+        "interrupt", or "not yet"; the seconds of rendering; and the unit.
+    constant
+        How many saw one value only, so that their error is 0, and hidden.
+    command
+        The line of `pt` that gives the same bits, or None.
+
+    Two parts of one run add up to the bits of the whole.
+    """
+
+    def __init__(self, scene, shape, words, points, core, states=()):
+        self._scene, self._shape, self._points = scene, shape, points
+        self._words, self._core, self._states = words, core, list(states)
+        numbers = [array.reshape(shape) for array in core.values()]
+        super().__init__(*numbers[:2])
+        self.samples = numbers[2].astype(np.int64)
+        self.__dict__.update(core.facts())
+
+    @property
+    def command(self):
+        is_whole = self.stopped in ("samples", "error")
+        if self._scene._digest or self._points or not is_whole:
+            return None
+        name = "image.exr" if self._is_image else "values.csv"
+        return shlex.join(["pt", *self._words, "-o", name])
+
+    @property
+    def _is_image(self):
+        return self._shape[0] > 0
+
+    def _rendering(self):
+        """The compiled half, which is made again after a pickle."""
+        self._core = self._core or self._scene._core.restore(
+            self._words, self._points, self._states)
+        return self._core
+
+    def _parts(self):
+        return self._states or [bytes(self._rendering().state())]
+
+    def __getstate__(self):
+        self._blocks
+        return {**self.__dict__, "_states": self._parts(), "_core": None}
+
+    def __add__(self, other):
+        if not isinstance(other, Result):
+            return self if other == 0 and np.isscalar(other) else NotImplemented
+        states = self._parts() + other._parts()
+        core = self._scene._core.restore(self._words, self._points, states)
+        whole = Result(self._scene, self._shape, self._words, self._points,
+                       core, states)
+        blocks = zip(self._blocks, other._blocks)
+        whole._blocks = tuple(np.concatenate(pair) for pair in blocks)
+        return whole
+
+    __radd__ = __add__
+
+    @functools.cached_property
+    def _filtered(self):
+        pair = self._rendering().filtered() or [None, None]
+        return [x if x is None else x.reshape(self._shape) for x in pair]
+
+    filtered = property(lambda self: self._filtered[0])
+    filtered_stderr = property(lambda self: self._filtered[1])
+
+    @functools.cached_property
+    def _blocks(self):
+        """How many samples each block has, and the values of its own."""
+        sizes, means = self._rendering().blocks()
+        return sizes, means.reshape(-1, *self.value.shape)
+
+    def weighted_sum(self, weights):
+        """The sum of all values, each times its weight, as an Estimate: ().
+        With weights of a shape (..., *value.shape), as many sums.
+
+        Values vary together. The error is that which blocks of samples show;
+        with k of them it is known to about one part in the root of 2 k - 2.
+        """
+        weights, n = np.asarray(weights, float), self.value.ndim
+        if weights.shape[weights.ndim - n:] != self.value.shape:
+            raise ValueError(f"weights: expected shape {self.value.shape}, or "
+                             f"more axes before, not {weights.shape}")
+        sizes, means = self._blocks
+        if len(sizes) < 4:
+            raise ValueError("weights: pixels, and places with fewer than four "
+                             "blocks of samples, have no error of a sum")
+        axes = tuple(range(-n, 0))
+        total = lambda values: np.where(weights, weights * values, 0).sum(axes)
+        sums = np.array([total(block) for block in means])
+        squares = (sums - np.tensordot(sizes, sums, 1) / sizes.sum()) ** 2
+        square = np.tensordot(sizes, squares, 1) / (len(sizes) - 1)
+        return Estimate(total(self.value), np.sqrt(square / sizes.sum()))
+
+    def weighted_mean(self, weights):
+        """The same, with weights that are divided by their sum."""
+        weights = np.asarray(weights, float)
+        axes = tuple(range(-min(self.value.ndim, weights.ndim), 0))
+        return self.weighted_sum(weights / weights.sum(axes, keepdims=True))
+
+    def save(self, path, exposure=None):
+        """Writes a file by its extension, in place of one that exists: places
+        as .csv, .ply or, for vertices, .obj; pixels as .exr, .pfm, .png, .pgm
+        or a page .html; the state of the run as .litpt; a report as .json."""
+        path = os.fspath(path)
+        is_report = path.endswith((".json", ".html"))
+        words = [f"--{'report' if is_report else 'output'}={path}", "--force"]
+        if exposure is not None:
+            words.append(f"--exposure={exposure}")
+        self._rendering().save([*self._words, *words])
+
+    def to_xarray(self):
+        """The arrays as a Dataset of xarray."""
+        import xarray
+        dims = ("y", "x") if self._is_image else ("place", "side")
+        dims, facts = dims[:self.value.ndim], {"unit": self.unit}
+        names = ["value", "stderr", "samples"]
+        arrays = {name: (dims, getattr(self, name)) for name in names}
+        return xarray.Dataset(arrays, attrs=facts)
+
+    def _facts(self):
+        hidden = f", {self.constant} saw one value" if self.constant else ""
+        return (f"{self.unit}; {self.method}, {self.samples.max()} samples, "
+                f"{self.seconds:.2f} s, stopped by {self.stopped}{hidden}")
+
+    def __repr__(self):
+        return f"{super().__repr__()}\n{self._facts()}"
+
+    def _repr_html_(self):
+        if self._is_image:
+            return None
+        pairs = list(zip(self.value.flat[:5], self.stderr.flat[:5]))
+        rows = [f"<tr><td>{i}<td>{rounded(*pair)}" for i, pair in enumerate(pairs)]
+        if self.value.size > 5:
+            rows.append(f"<tr><td>…<td>{self.value.size} in all")
+        facts = html.escape(self._facts())
+        return f"<table><caption>{facts}</caption>{''.join(rows)}</table>"
+
+    def _repr_png_(self):
+        if not self._is_image:
+            return None
+        is_given = any(word.startswith("--exposure") for word in self._words)
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "image.png")
+            self.save(path, None if is_given else "auto")
+            with open(path, "rb") as file:
+                return file.read()

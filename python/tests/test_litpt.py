@@ -1,0 +1,567 @@
+# The package, as a user of numpy meets it.
+#
+# Copyright (C) 2026 litpt contributors
+# Copying and distribution of this file, with or without modification, are
+# permitted in any medium without royalty provided the copyright notice and
+# this notice are preserved. This file is offered as-is, without any warranty.
+import csv
+import multiprocessing
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+import types
+
+import numpy as np
+import pytest
+
+import litpt
+from conftest import ROOM
+
+UP = (0, 0, 1)
+METHODS = ["reference", "sobol", "gather", "auto"]
+
+
+def same(a, b):
+    """Whether two results have the same bits."""
+    return all(np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
+               for name in ["value", "stderr", "samples"])
+
+
+def table(path):
+    """Values and errors of a table of pt, which are in single precision."""
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    return np.array([[row["value"], row["stderr"]] for row in rows], np.float32)
+
+
+def pfm(path):
+    """The pixels of an image in single precision."""
+    data = path.read_bytes().split(b"\n", 3)
+    width, height = map(int, data[1].split())
+    return np.frombuffer(data[3], "<f4").reshape(height, width)[::-1]
+
+
+# ---- the bits of pt
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_points_have_the_bits_of_pt(pt, points, method, threads):
+    room = litpt.Scene(ROOM, albedo="materials", sky="overcast", ground=0.2)
+    ours = room.irradiance(points, UP, samples=64, method=method, threads=threads)
+    text = "\n".join(" ".join(map(repr, map(float, p))) + " 0 0 1" for p in points)
+    folder = pt("pt -h").joinpath("grid.txt")
+    folder.write_text(text)
+    pt(f"pt {ROOM} --points grid.txt --materials --sky overcast --ground 0.2 "
+       f"-n 64 --integrator {method} -o a.csv")
+    theirs = table(folder.parent / "a.csv")
+    assert np.array_equal(np.float32([ours.value, ours.stderr]).T, theirs)
+    assert ours.value.dtype == np.float64 and ours.samples.dtype == np.int64
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_command_gives_the_same_bits(pt, method):
+    room = litpt.Scene(ROOM, albedo={None: 0.3, "walls": 0}, zenith=(0, 0.5, 1))
+    limits = dict(samples=32, method=method, seed=7)
+    both = room.face_irradiance("both", **limits)
+    folder = pt(both.command)
+    theirs = table(folder / "values.csv")
+    assert both.value.shape == (len(theirs) // 2, 2)
+    assert np.array_equal(np.float32(both.value.ravel()), theirs[:, 0], equal_nan=True)
+    image = room.render(view="front,20,10", size=(40, 30), **limits)
+    pt(image.command.replace(".exr", ".pfm"))
+    assert np.array_equal(np.float32(image.value), pfm(folder / "image.pfm"))
+    image.save(folder / "ours.png")
+    pt(image.command + " -o image.png")
+    assert (folder / "ours.png").read_bytes() == (folder / "image.png").read_bytes()
+
+
+def test_an_error_stops_a_run_where_pt_stops(pt):
+    room = litpt.Scene(ROOM, albedo=0.6)
+    ours = room.vertex_irradiance(error=0.01, norm="max")
+    assert ours.stopped == "error" and (ours.stderr <= 0.01).all()
+    theirs = table(pt(ours.command) / "values.csv")
+    assert np.array_equal(np.float32(ours.value), theirs[:, 0], equal_nan=True)
+
+
+def test_only_a_line_that_gives_the_same_bits_is_a_command(box, points):
+    room = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
+    assert room.irradiance(points, UP, samples=16).command is None
+    assert room.face_irradiance(time=0.1, method="sobol").command is None
+    assert litpt.Scene(box).face_irradiance(samples=16).command is None
+    each = litpt.Scene(ROOM, albedo=np.full(9, 0.5))
+    assert each.face_irradiance(samples=16).command is None
+
+
+# ---- arrays
+
+
+def test_a_mesh_of_arrays_is_that_of_a_file(tmp_path, box):
+    vertices, quads = box
+    text = "".join("v " + " ".join(map(repr, map(float, v))) + "\n" for v in vertices)
+    text += "".join("f " + " ".join(str(i + 1) for i in q) + "\n" for q in quads)
+    (tmp_path / "box.obj").write_text(text)
+    file = litpt.Scene(tmp_path / "box.obj", albedo=0.5)
+    whole = file.face_irradiance(samples=64)
+    assert same(litpt.Scene(box, albedo=0.5).face_irradiance(samples=64), whole)
+    each = litpt.Scene(tmp_path / "box.obj", albedo=[0.5] * 5)
+    assert same(each.face_irradiance(samples=64), whole)
+
+
+def variants(array, kinds):
+    """The same numbers in other layouts and types."""
+    array = np.asarray(array)
+    wide = np.zeros((2 * len(array), 5), array.dtype)
+    wide[::2, 1:1 + array.shape[1]] = array
+    yield wide[::2, 1:1 + array.shape[1]]
+    yield np.asfortranarray(array)
+    yield array[::-1].copy()[::-1]
+    yield array.tolist()
+    frozen = array.copy()
+    frozen.flags.writeable = False
+    yield frozen
+    raw = np.zeros(array.nbytes + 1, np.uint8)[1:].view(array.dtype)
+    raw = raw.reshape(array.shape)
+    raw[...] = array
+    yield raw
+    yield array.astype(array.dtype.newbyteorder())
+    for kind in kinds:
+        yield array.astype(kind)
+
+
+def test_arrays_of_any_layout_and_type_have_the_same_bits(box):
+    vertices, quads = box
+    points, normals = np.array([[1, 1, 1], [2, 2, 3]]), np.array([[0, 0, 1], [1, 0, 0]])
+    expected = litpt.Scene(box, albedo=0.5).irradiance(points, normals, samples=32)
+    integers = ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"]
+    for v in variants(vertices, ["f4", "f2", "i4", "u8"]):
+        scene = litpt.Scene((v, quads), albedo=0.5)
+        assert same(scene.irradiance(points, normals, samples=32), expected)
+    for q in variants(quads, integers):
+        scene = litpt.Scene((vertices, q), albedo=0.5)
+        assert same(scene.irradiance(points, normals, samples=32), expected)
+    scene = litpt.Scene(box, albedo=0.5)
+    for p in variants(points.astype(float), ["f4", "i2"]):
+        assert same(scene.irradiance(p, normals, samples=32), expected)
+    for n in variants(normals * 1e-3, ["f8"]):
+        assert same(scene.irradiance(points, n, samples=32), expected)
+
+
+def test_arrays_are_copied(box):
+    vertices, quads = box
+    scene = litpt.Scene((vertices, quads), albedo=0.5)
+    vertices[:], quads[:] = 7, 0
+    points = np.array([[1.0, 1, 1]])
+    assert 0 < scene.irradiance(points, UP, samples=32).value[0] < 1
+
+
+def test_polygons_of_different_sizes():
+    outline = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [2, 1, 0], [0, 4, 0], [0, 0, 1], [4, 0, 1]]
+    scene = litpt.Scene((outline, [[0, 1, 2, 3, 4], [0, 1, 6, 5]]), albedo=0)
+    down = [(3.5, 3, 5), (2, 3, 5), (2, 0.5, 5)]
+    faces = scene.intersects_first(down, np.tile([0, 0, -1], (3, 1)))
+    assert faces.tolist() == [0, -1, 0]
+    assert scene.intersects_first([[2, 5, 0.5]], [[0, -1, 0]]).tolist() == [1]
+    again = pickle.loads(pickle.dumps(scene))
+    assert same(again.face_irradiance(samples=8), scene.face_irradiance(samples=8))
+
+
+def test_objects_of_other_libraries(box):
+    vertices, quads = box
+    flat = np.insert(quads, 0, 4, axis=1).ravel()
+    meshes = [types.SimpleNamespace(points=vertices, faces=flat, n_strips=0),
+              types.SimpleNamespace(vertices=vertices, faces=quads)]
+    expected = litpt.Scene(box, albedo=0.5).face_irradiance(samples=16)
+    for mesh in meshes:
+        assert same(litpt.Scene(mesh, albedo=0.5).face_irradiance(samples=16), expected)
+
+
+def test_a_list_of_albedos_is_by_face(box):
+    vertices, quads = box
+    dark = litpt.Scene(box, albedo=[0.9, 0, 0, 0, 0])
+    light = dark.face_irradiance("both", samples=4096)
+    black = litpt.Scene(box, albedo=0).face_irradiance("both", samples=4096)
+    more = light.value - black.value - 5 * np.hypot(light.stderr, black.stderr)
+    assert abs(light.value[0] - black.value[0]).max() < 0.1 < black.value[0].max()
+    assert (more[1:].max(axis=1) > 0).all()  # each wall sees a bright floor
+    many = litpt.Scene(box, albedo=np.linspace(0, 1, 5))
+    assert many.face_irradiance(samples=16).value.shape == (5,)
+
+
+# ---- results
+
+
+def test_values_and_errors_of_a_closed_form():
+    """A point below a square of side 2 at the height 1: four corners of
+    (X / sqrt(1 + X^2) atan(Y / sqrt(1 + X^2)) + ...) / (2 pi) with X = Y = 1."""
+    roof = [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]
+    scene = litpt.Scene((roof, [[0, 1, 2, 3]]), albedo=0)
+    truth = 1 - 4 / np.pi * np.sqrt(0.5) * np.arctan(np.sqrt(0.5))
+    for method in METHODS[:2]:
+        result = scene.irradiance([[0, 0, 0]], UP, samples=1 << 14, method=method)
+        assert abs(result.value[0] - truth) < 5 * result.stderr[0] < 0.05
+
+
+def test_parts_add_up_to_the_bits_of_the_whole(points):
+    room = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
+    for kind, places in [("irradiance", (points, UP)), ("render", ())]:
+        make = getattr(room, kind)
+        more = dict(size=(32, 24)) if kind == "render" else {}
+        whole = make(*places, samples=192, method="sobol", **more)
+        cuts = [slice(0, 64), slice(64, 128), slice(128, 192)]
+        parts = [make(*places, samples=c, of=192, method="sobol", **more) for c in cuts]
+        assert same(sum(pickle.loads(pickle.dumps(parts))), whole)
+        assert same(parts[2] + parts[0] + parts[1], whole)
+        with pytest.raises(ValueError, match="both hold"):
+            parts[0] + parts[0]
+    other = litpt.Scene(ROOM, albedo=0.6).irradiance(
+        points, UP, samples=slice(0, 64), of=192, method="sobol")
+    first = room.irradiance(points, UP, samples=slice(64, 192), of=192, method="sobol")
+    with pytest.raises(ValueError, match="not of one run"):
+        other + first
+
+
+def test_sums_by_weights_have_the_error_that_repeated_runs_show(points):
+    """Twenty-four runs: the sum of squares of their errors, each over what it
+    states, lies within the 0.9999 interval of a chi square with as many
+    degrees, widened for the six blocks of a stated error (Student)."""
+    room = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
+    weights = np.stack([np.ones(40), np.arange(40.0)])
+    means = [room.irradiance(points, UP, samples=512, seed=seed, method=method)
+             .weighted_mean(weights) for method in ["sobol", "gather"] for seed in range(12)]
+    values = np.array([m.value for m in means]).reshape(2, 12, 2)
+    stated = np.array([m.stderr for m in means]).reshape(2, 12, 2)
+    ratio = values.var(axis=1, ddof=1) / (stated ** 2).mean(axis=1)
+    # The quantiles of F(11, 12 x 5) at 1e-4 / 2, divided among four ratios.
+    assert (0.08 < ratio).all() and (ratio < 5.2).all(), ratio
+    plain = room.irradiance(points, UP, samples=512)
+    assert plain.weighted_mean(np.ones(40)).value == pytest.approx(plain.value.mean(), rel=1e-12)
+
+
+def test_arithmetic_keeps_errors_or_is_refused(points):
+    room = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
+    result = room.irradiance(points, UP, samples=64)
+    lux = 10000 * result
+    assert np.array_equal(lux.value, 10000 * result.value)
+    assert np.array_equal(lux.stderr, 10000 * result.stderr)
+    assert np.array_equal((result / -2).stderr, result.stderr / 2)
+    assert np.array_equal((np.arange(40) * result).stderr, np.arange(40) * result.stderr)
+    assert f"{result.weighted_mean(np.ones(40)):.3f}" == f"{result.value.mean():.3f}"
+    assert np.array_equal(np.asarray(result), result.value)
+    for refused in [lambda: result - result, lambda: result * result, lambda: result + 1, lambda: np.sqrt(result)]:
+        with pytest.raises(TypeError):
+            refused()
+    with pytest.raises(ValueError, match="weights"):
+        result.weighted_sum(np.ones(3))
+    with pytest.raises(ValueError, match="blocks"):
+        room.render(size=(8, 6), samples=16).weighted_sum(np.ones((6, 8)))
+
+
+def test_files_by_extension(tmp_path, points):
+    room = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
+    image = room.render(size=(32, 24), samples=16)
+    for name in ["a.png", "a.exr", "a.pfm", "a.pgm", "a.html", "a.json", "a.litpt"]:
+        image.save(tmp_path / name)
+        image.save(tmp_path / name)  # in place of the first
+        assert (tmp_path / name).stat().st_size > 100
+    values = room.irradiance(points, UP, samples=16)
+    for name in ["a.csv", "a.ply", "b.json", "b.litpt"]:
+        values.save(tmp_path / name)
+        assert (tmp_path / name).stat().st_size > 100
+    room.vertex_irradiance(samples=16).save(tmp_path / "a.obj")
+    assert np.array_equal(table(tmp_path / "a.csv")[:, 0], np.float32(values.value))
+    before = (tmp_path / "a.csv").read_bytes()
+    again = pickle.loads(pickle.dumps(values))
+    again.save(tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_bytes() == before
+    with pytest.raises(ValueError, match="a.tiff"):
+        image.save(tmp_path / "a.tiff")
+    with pytest.raises(OSError, match="nowhere"):
+        image.save(tmp_path / "nowhere/a.png")
+
+
+def test_images(tmp_path):
+    room = litpt.Scene(ROOM, albedo=0.5, ground=0.3)
+    image = room.render(position=(1, 1, 1.5), target=(5, 3, 1), size=(40, 30), samples=64)
+    assert image.value.shape == image.samples.shape == (30, 40)
+    assert image.filtered.shape == image.filtered_stderr.shape == (30, 40)
+    assert not np.array_equal(image.filtered, image.value)
+    again = pickle.loads(pickle.dumps(image))
+    assert same(again, image) and np.array_equal(again.filtered, image.filtered)
+    assert image._repr_png_().startswith(b"\x89PNG")
+    dark = room.render(size=(8, 6), samples=1)
+    assert dark.filtered is None and dark.filtered_stderr is None
+    flat = litpt.Scene(QUAD).render(size=(8, 6), samples=8, background=0.25)
+    assert flat.value[0, 0] == 0.25
+
+
+def test_what_a_notebook_shows(points):
+    result = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2}).irradiance(points, UP, samples=64)
+    shown = result._repr_html_()
+    assert f"{result.value[0]:.3f} ± {result.stderr[0]:.3f}" in shown
+    assert "stopped by samples" in shown and "40 in all" in shown
+    assert "stopped by samples" in repr(result)
+
+
+def test_xarray(points):
+    pytest.importorskip("xarray")
+    room = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
+    data = room.irradiance(points, UP, samples=16).to_xarray()
+    assert data.value.dims == ("place",) and "irradiance" in data.attrs["unit"]
+    assert room.face_irradiance("both", samples=16).to_xarray().stderr.dims == ("place", "side")
+    assert room.render(size=(8, 6), samples=4).to_xarray().value.dims == ("y", "x")
+
+
+# ---- rays
+
+
+def test_rays():
+    scene = litpt.Scene(ROOM, ground=0.2)
+    rng = np.random.default_rng(2)
+    origins = rng.uniform([0.1, 0.1, 0.1], [5.9, 3.9, 2.9], (5000, 3))
+    directions = rng.normal(size=(5000, 3))
+    faces = scene.intersects_first(origins, directions)
+    places, rays, hit = scene.intersects_location(origins, directions, multiple_hits=False)
+    assert np.array_equal(faces[rays], hit) and (hit >= 0).all()
+    assert np.array_equal(np.flatnonzero(faces >= 0), rays)
+    assert np.array_equal(scene.intersects_any(origins, directions), faces >= 0)
+    along = places - origins[rays]
+    sines = np.linalg.norm(np.cross(along, directions[rays]), axis=1)
+    sines /= np.linalg.norm(along, axis=1) * np.linalg.norm(directions[rays], axis=1)
+    assert sines.max() < 1e-9
+    assert np.array_equal(scene.intersects_first(origins, 1e200 * directions), faces)
+    down = scene.intersects_first([[100, 100, 5]], [[0, 0, -1]])
+    assert down.tolist() == [-1]  # the ground is no face
+    assert scene.intersects_first(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0,)
+    with pytest.raises(ValueError, match="multiple_hits"):
+        scene.intersects_location(origins, directions, multiple_hits=True)
+
+
+# ---- runs
+
+
+def test_progress_and_steps(points):
+    room = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
+    told = []
+    room.irradiance(points, UP, time=0.6, method="sobol",
+                    progress=lambda part, text: told.append((part, text)))
+    parts = [part for part, _ in told]
+    assert parts == sorted(parts) and parts[-1] > 0.5 and "samples" in told[-1][1]
+    before = 0
+    for step in room.steps("irradiance", points, UP, time=0.8, every=0.1, method="sobol"):
+        assert step.samples.min() >= before
+        before = step.samples.min()
+    assert step.stopped == "time"
+    limits = dict(samples=4096, method="reference")
+    *_, last = room.steps("face_irradiance", every=0.05, **limits)
+    assert same(last, room.face_irradiance(**limits))
+    with pytest.raises(ZeroDivisionError):
+        room.irradiance(points, UP, time=60, progress=lambda *_: 1 / 0)
+    alone()
+
+
+def alone():
+    """Waits until no thread of a run is left; ten seconds at most."""
+    def names():
+        for task in os.listdir("/proc/self/task"):
+            try:
+                with open(f"/proc/self/task/{task}/comm") as file:
+                    yield file.read()
+            except FileNotFoundError:
+                pass
+    end = time.monotonic() + 10
+    while any("litpt" in name for name in names()):
+        assert time.monotonic() < end, list(names())
+        time.sleep(0.01)
+
+
+INTERRUPTED = """
+import litpt, os, signal, sys, threading, time
+import numpy as np
+room = litpt.Scene(sys.argv[1], albedo="materials")
+points = np.random.default_rng(1).uniform([.3, .3, .85], [5.7, 3.7, .85], (500, 3))
+def press(*times):
+    def go():
+        for t in times:
+            time.sleep(t)
+            sent.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGINT)
+    threading.Thread(target=go, daemon=True).start()
+sent = []
+"""
+
+
+def interrupted(script):
+    """What a script prints in a process of its own."""
+    words = [sys.executable, "-c", INTERRUPTED + script, str(ROOM)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert not done.stderr, done.stderr
+    return done.stdout.split()
+
+
+def test_an_interrupt_gives_what_was_sampled():
+    script = """
+press(1)
+result = room.irradiance(points, [0, 0, 1], samples=1 << 40, method="reference")
+late = time.monotonic() - sent[0]
+print(result.stopped, result.samples.max() > 0, late)
+"""
+    stopped, has, late = interrupted(script)
+    assert (stopped, has) == ("interrupt", "True")
+    assert float(late) < 0.3 * float(os.environ.get("SLOW", 1))
+
+
+def test_a_second_interrupt_ends_a_loop_of_runs():
+    script = """
+press(1, 1)
+n = 0
+try:
+    while True:
+        room.irradiance(points, [0, 0, 1], time=0.3, method="sobol")
+        n += 1
+except KeyboardInterrupt:
+    print(n, time.monotonic() - sent[-1], len(sent))
+"""
+    n, late, count = interrupted(script)
+    assert 3 < int(n) and float(late) < 0.5 and count == "2"
+
+
+def test_an_interrupt_without_samples_is_raised():
+    script = """
+n = 400000
+corners = np.random.default_rng(2).random((n, 3, 3)).reshape(-1, 3)
+scene = litpt.Scene((corners, np.arange(3 * n).reshape(n, 3)))
+press(0.1)
+try:
+    scene.irradiance(points, [0, 0, 1], samples=1 << 20, method="gather")
+    print("whole")
+except KeyboardInterrupt:
+    print(time.monotonic() - sent[-1])
+"""
+    [late] = interrupted(script)
+    assert float(late) < 0.5
+
+
+def test_nothing_is_printed_and_no_thread_is_left(capfd, points):
+    room = litpt.Scene(ROOM, albedo="materials")
+    room.irradiance(points, UP, samples=64)
+    room.render(size=(8, 6), samples=4)
+    room.intersects_first(points, points)
+    alone()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_scenes_that_are_dropped_leave_no_memory():
+    rss = lambda: int(open("/proc/self/statm").read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    rng = np.random.default_rng(3)
+    corners = rng.random((6000, 3))
+    def many(count):
+        for _ in range(count):
+            scene = litpt.Scene((corners, np.arange(6000).reshape(-1, 3)))
+            scene.irradiance([[0.5, 0.5, 2]], UP, samples=1)
+    many(100)
+    before = rss()
+    many(400)
+    # A tenth of a mesh of 216 kB kept of each scene would be more.
+    assert rss() - before < 400 * 0.1 * 216e3
+
+
+def work(job):
+    scene, seed = job
+    return scene.irradiance([[1, 1, 1]], UP, samples=64, seed=seed)
+
+
+@pytest.mark.parametrize("start", ["fork", "spawn"])
+def test_processes(start, box):
+    scene = litpt.Scene(box, albedo=0.5)
+    own = [work((scene, seed)) for seed in range(3)]
+    with multiprocessing.get_context(start).Pool(2) as pool:
+        theirs = pool.map(work, [(scene, seed) for seed in range(3)])
+    assert all(same(a, b) for a, b in zip(own, theirs))
+
+
+def test_threads_of_python_share_a_scene(points):
+    room = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
+    expected, found = room.irradiance(points, UP, samples=64), []
+    run = lambda: found.append(litpt.Scene.irradiance(shared, points, UP, samples=64))
+    shared = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
+    threads = [threading.Thread(target=run) for _ in range(4)]
+    [thread.start() for thread in threads], [thread.join() for thread in threads]
+    assert len(found) == 4 and all(same(one, expected) for one in found)
+
+
+def test_the_command_pt(pt):
+    help_ = pt("pt --help")
+    words = [sys.executable, "-c", "import litpt; litpt.pt()"]
+    done = subprocess.run([*words, "--version"], capture_output=True, text=True)
+    assert done.stdout == f"pt {litpt.__version__}\n" and done.returncode == 0
+    assert subprocess.run([*words, "-n", "x"], capture_output=True).returncode == 2
+
+
+# ---- faults
+
+QUAD = ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2, 3]])
+ROWS = np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]])
+
+
+@pytest.mark.parametrize("kind, text, fault", [
+    (OSError, "nowhere.obj", lambda: litpt.Scene("nowhere.obj")),
+    (ValueError, "mesh: expected", lambda: litpt.Scene(7)),
+    (ValueError, "faces: there is none", lambda: litpt.Scene((QUAD[0], []))),
+    (ValueError, r"faces\[0\]: 2 corners", lambda: litpt.Scene((QUAD[0], [[0, 1]]))),
+    (IndexError, r"faces\[1\] has vertex 4", lambda: litpt.Scene((QUAD[0], [[0, 1, 2], [0, 1, 4]]))),
+    (IndexError, r"faces\[0\] has vertex -1", lambda: litpt.Scene((QUAD[0], [[0, 1, -1]]))),
+    (IndexError, "faces", lambda: litpt.Scene((QUAD[0], np.array([[0, 1, 2**64 - 1]], "u8")))),
+    (ValueError, "faces: holds float64", lambda: litpt.Scene((QUAD[0], [[0, 1, 2.5]]))),
+    (ValueError, r"vertices\[1\] = \[ *0. +inf", lambda: litpt.Scene(([[0, 0, 0], [0, np.inf, 0], [1, 0, 0]], [[0, 1, 2]]))),
+    (ValueError, r"vertices: expected shape \(n, 3\)", lambda: litpt.Scene((np.zeros((3, 2)), [[0, 1, 2]]))),
+    (ValueError, "vertices: holds complex", lambda: litpt.Scene((np.full((3, 3), 1j), [[0, 1, 2]]))),
+    (ValueError, "vertices: has masked", lambda: litpt.Scene((np.ma.masked_equal(QUAD[0], 1), QUAD[1]))),
+    (ValueError, "albedo = 2", lambda: litpt.Scene(QUAD, albedo=2)),
+    (ValueError, r"albedo\[0\] = -0.5", lambda: litpt.Scene(QUAD, albedo=[-0.5])),
+    (ValueError, "albedo: 2 of them for 1 faces", lambda: litpt.Scene(QUAD, albedo=[0.5, 0.5])),
+    (ValueError, "called roof", lambda: litpt.Scene(ROOM, albedo={"roof": 0.5})),
+    (ValueError, "sky = blue", lambda: litpt.Scene(QUAD, sky="blue")),
+    (ValueError, "ground = 3", lambda: litpt.Scene(QUAD, ground=3)),
+    (ValueError, "zenith = 0,0,0", lambda: litpt.Scene(QUAD, zenith=(0, 0, 0))),
+    (ValueError, r"points\[1\] = \[0.3 0.4 nan", lambda: litpt.Scene(QUAD).irradiance(ROWS + [[0, 0, 0], [0, 0, np.nan]], UP)),
+    (ValueError, r"normals\[0\] = \[0. 0. 0.\]", lambda: litpt.Scene(QUAD).irradiance(ROWS, (0, 0, 0))),
+    (ValueError, "normals: 1, but points: 2", lambda: litpt.Scene(QUAD).irradiance(ROWS, [UP])),
+    (ValueError, "side = top", lambda: litpt.Scene(QUAD).face_irradiance("top")),
+    (ValueError, "samples = -4", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=-4)),
+    (ValueError, "samples ends after", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=slice(0, 9), of=4)),
+    (ValueError, "of = 4", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=2, of=4)),
+    (ValueError, "error = 0", lambda: litpt.Scene(QUAD).vertex_irradiance(error=0)),
+    (ValueError, "error is missing", lambda: litpt.Scene(QUAD).vertex_irradiance(norm="max")),
+    (ValueError, "norm = worst", lambda: litpt.Scene(QUAD).vertex_irradiance(error=1, norm="worst")),
+    (ValueError, "method = best", lambda: litpt.Scene(QUAD).vertex_irradiance(method="best")),
+    (ValueError, "threads = 0", lambda: litpt.Scene(QUAD).vertex_irradiance(threads=0)),
+    (ValueError, "time = -1", lambda: litpt.Scene(QUAD).vertex_irradiance(time=-1)),
+    (TypeError, "no argument 'sample'", lambda: litpt.Scene(QUAD).vertex_irradiance(sample=1)),
+    (ValueError, "fov = 180", lambda: litpt.Scene(QUAD).render(fov=180)),
+    (ValueError, "size = 0x4", lambda: litpt.Scene(QUAD).render(size=(0, 4))),
+    (ValueError, "position = 0,0", lambda: litpt.Scene(QUAD).render(position=(0, 0))),
+    (ValueError, "its own position", lambda: litpt.Scene(QUAD).render(position=(1, 0, 0), target=(1, 0, 0))),
+    (ValueError, "view = inside", lambda: litpt.Scene(QUAD).render(view="inside")),
+    (ValueError, r"ray_directions\[1\]", lambda: litpt.Scene(QUAD).intersects_any(ROWS, ROWS * [[1], [0]])),
+    (ValueError, "none of the points", lambda: litpt.Scene(QUAD).irradiance([[0.5, 0.5, 0]], (1, 0, 0))),
+])
+def test_faults_name_what_is_wrong(kind, text, fault):
+    with pytest.raises(kind) as told:
+        fault()
+    assert re.search(text, str(told.value)), told.value
+    assert "--" not in str(told.value)
+
+
+def test_warnings_are_python_s():
+    scene = litpt.Scene(QUAD, albedo=0)
+    with pytest.warns(UserWarning, match="no value for 1 of 2 points.* first 0$"):
+        result = scene.irradiance([[0.5, 0.5, 0], [0.5, 0.5, 1]], [1, 0, 0], samples=16)
+    assert np.isnan(result.value).tolist() == [True, False]
+    with pytest.warns(UserWarning, match="albedo='materials'"):
+        litpt.Scene(ROOM).face_irradiance(samples=1)
