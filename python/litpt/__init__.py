@@ -13,12 +13,14 @@ A value is an irradiance in units of that of a horizontal surface in the open,
 or a radiance in units of that of the uniform sky. Every result has the bits
 that `pt` gives it, on any machine and any number of threads.
 """
+import inspect
 import os
 import re
 import signal
 import sys
 import time as clock
 import warnings
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -47,8 +49,14 @@ def _text(value):
 
 def _words(**options):
     """The options that are given, as words of `pt`."""
-    given = [pair for pair in options.items() if pair[1] is not None]
-    return [f"--{name.replace('_', '-')}={_text(it)}" for name, it in given]
+    words = []
+    for name, value in options.items():
+        try:
+            text = None if value is None else _text(value)
+        except TypeError:
+            raise ValueError(f"{name} = {value!r}: not a number") from None
+        words += [] if text is None else [f"--{name.replace('_', '-')}={text}"]
+    return words
 
 
 # Options of `pt` that have other names here.
@@ -71,7 +79,8 @@ def _call(function, *arguments):
 def _limits(samples=None, of=None, time=None, error=None, norm=None,
             seed=None, method=None, threads=None):
     part, is_part = None, isinstance(samples, slice)
-    if is_part != (of is not None) or is_part and samples.step:
+    is_whole = is_part and (samples.stop is None or samples.step)
+    if is_part != (of is not None) or is_whole:
         raise ValueError(f"samples = {samples}, of = {of}: a part of the samples "
                          "is samples=slice(0, 512), of=2048")
     if is_part:
@@ -150,7 +159,7 @@ class Scene:
         words = [os.fspath(mesh)] if is_file else []
         mesh = None if is_file else (*_arrays.mesh(mesh), None)
         words += _words(sky=sky, ground=ground, zenith=zenith)
-        if isinstance(albedo, dict):
+        if isinstance(albedo, Mapping):
             for name, number in albedo.items():
                 name = "" if name is None else f"{name}="
                 words.append(f"--albedo={name}{_text(number)}")
@@ -226,9 +235,10 @@ class Scene:
         """Iterates over partial results of the method `quantity`, one in
         `every` seconds at most; the last is whole. `places` are points and
         normals, or the side; `options` those of the method."""
-        limits = {k: options.pop(k) for k in _LIMITS if k in options}
-        names = {"irradiance": ("points", "normals"), "face_irradiance": ("side",)}
-        options.update(zip(names.get(quantity, ()), places))
+        method = inspect.signature(getattr(self, quantity))
+        options = method.bind(*places, **options).arguments
+        options.pop("progress", None)
+        limits = options.pop("limits", {})
         make, job = self._begin(quantity, options, limits)
         due = clock.monotonic() + every
         try:
@@ -245,6 +255,7 @@ class Scene:
         """Begins a run; returns how to make our results from its own, too."""
         for name in limits.keys() - set(_LIMITS):
             raise TypeError(f"{quantity}() has no argument {name!r}")
+        is_open = not {"samples", "time", "error"} & limits.keys()
         limits, points, shape = _limits(**limits), None, (-1,)
         if quantity == "irradiance":
             points = _arrays.pairs("points", options["points"], "normals",
@@ -255,12 +266,11 @@ class Scene:
             words, shape = _words(faces=side), (-1, 2) if side == "both" else shape
         elif quantity == "vertex_irradiance":
             words = ["--vertices"]
-        elif quantity == "render":
-            width, height = size = options.pop("size", (320, 240))
-            words = _words(resolution="x".join(map(_text, size)), **options)
-            shape, limits = (height, width), limits or ["--spp=64"]
         else:
-            raise ValueError(f"quantity = {quantity}: no such method")
+            size = tuple(options.pop("size", (320, 240)))
+            words = _words(resolution="x".join(map(_text, size)), **options)
+            shape = tuple(map(int, size[::-1]))
+            words += ["--spp=64"] if is_open else []
         words = [*self._words, *words, *limits]
         make = lambda core: Result(self, shape, words, points, core)
         return make, _call(self._core.start, words, points)

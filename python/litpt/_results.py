@@ -18,21 +18,22 @@ class Estimate:
     __array_ufunc__ = None  # numpy's functions need value
 
     def __init__(self, value, stderr):
-        self.value, self.stderr = value, stderr
+        self.value, self.stderr = np.asarray(value), np.asarray(stderr)
 
     def __array__(self, dtype=None, copy=None):
-        return np.array(self.value, dtype)
+        return np.array(self.value, dtype, copy=copy)
 
     def __mul__(self, factor):
-        if isinstance(factor, Estimate):
+        factor = np.asarray(factor) if _is_number(factor) else None
+        if factor is None:
             return NotImplemented
-        factor = np.asarray(factor, float)
         return Estimate(self.value * factor, self.stderr * abs(factor))
 
     __rmul__ = __mul__
 
     def __truediv__(self, number):
-        return self * (1 / np.asarray(number, float))
+        is_number = _is_number(number)
+        return self * (1 / np.asarray(number)) if is_number else NotImplemented
 
     def __format__(self, form):
         return format(self.value, form) if form else repr(self)
@@ -42,6 +43,12 @@ class Estimate:
             return rounded(self.value, self.stderr)
         with np.printoptions(threshold=12):
             return f"value: {self.value}\nstderr: {self.stderr}"
+
+
+def _is_number(value):
+    """Whether a value is a number, or an array of numbers."""
+    is_own = isinstance(value, Estimate)
+    return not is_own and np.asarray(value).dtype.kind in "fiu"
 
 
 def rounded(value, stderr):
@@ -106,7 +113,7 @@ class Result(Estimate):
 
     def __add__(self, other):
         if not isinstance(other, Result):
-            return self if other == 0 and np.isscalar(other) else NotImplemented
+            return self if isinstance(other, int) and other == 0 else NotImplemented
         states = self._parts() + other._parts()
         core = self._scene._core.restore(self._words, self._points, states)
         whole = Result(self._scene, self._shape, self._words, self._points,

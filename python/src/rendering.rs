@@ -10,7 +10,7 @@ use litpt::error::Result;
 use litpt::film::{Film, NEIGHBOUR_WEIGHT};
 use litpt::filter::{Filtered, fragments};
 use litpt::output::OutputTarget;
-use litpt::plan::Outputs;
+use litpt::plan::{Outputs, is_dash};
 use litpt::render_loop::{Convergence, Stop};
 use litpt::run_output::RunOutput;
 use litpt::state::checkpoint::{Checkpoint, RunRecord, save};
@@ -198,7 +198,8 @@ impl Rendering {
 
     /// Writes the files that options name.
     fn save(&self, py: Python, words: Vec<String>) -> PyResult<()> {
-        let outputs = crate::options(words)?.outputs;
+        let mut outputs = crate::options(words)?.outputs;
+        outputs.files.retain(|(_, path)| !is_dash(path));
         py.detach(|| {
             on_threads(self.record.plan.threads, || self.write(&outputs))
         })

@@ -253,7 +253,8 @@ def test_arithmetic_keeps_errors_or_is_refused(points):
     assert np.array_equal((np.arange(40) * result).stderr, np.arange(40) * result.stderr)
     assert f"{result.weighted_mean(np.ones(40)):.3f}" == f"{result.value.mean():.3f}"
     assert np.array_equal(np.asarray(result), result.value)
-    for refused in [lambda: result - result, lambda: result * result, lambda: result + 1, lambda: np.sqrt(result)]:
+    for refused in [lambda: result - result, lambda: result * result, lambda: result + 1, lambda: result / result,
+                    lambda: result * None, lambda: result + np.zeros(40), lambda: np.sqrt(result)]:
         with pytest.raises(TypeError):
             refused()
     with pytest.raises(ValueError, match="weights"):
@@ -262,7 +263,7 @@ def test_arithmetic_keeps_errors_or_is_refused(points):
         room.render(size=(8, 6), samples=16).weighted_sum(np.ones((6, 8)))
 
 
-def test_files_by_extension(tmp_path, points):
+def test_files_by_extension(tmp_path, points, capfd):
     room = litpt.Scene(ROOM, albedo={None: 0.5, "floor": 0.2})
     image = room.render(size=(32, 24), samples=16)
     for name in ["a.png", "a.exr", "a.pfm", "a.pgm", "a.html", "a.json", "a.litpt"]:
@@ -279,6 +280,7 @@ def test_files_by_extension(tmp_path, points):
     again = pickle.loads(pickle.dumps(values))
     again.save(tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_bytes() == before
+    assert capfd.readouterr() == ("", "")
     with pytest.raises(ValueError, match="a.tiff"):
         image.save(tmp_path / "a.tiff")
     with pytest.raises(OSError, match="nowhere"):
@@ -360,6 +362,12 @@ def test_progress_and_steps(points):
     limits = dict(samples=4096, method="reference")
     *_, last = room.steps("face_irradiance", every=0.05, **limits)
     assert same(last, room.face_irradiance(**limits))
+    assert room.render(size=(8, 6), seed=3).samples.min() == 64
+    for kind, wrong in [(TypeError, dict(sampels=3)), (TypeError, dict(fov=3))]:
+        with pytest.raises(kind):
+            next(room.steps("vertex_irradiance", **wrong))
+    with pytest.raises(TypeError, match="normals"):
+        next(room.steps("irradiance", points))
     with pytest.raises(ZeroDivisionError):
         room.irradiance(points, UP, time=60, progress=lambda *_: 1 / 0)
     alone()
@@ -545,6 +553,8 @@ ROWS = np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]])
     (TypeError, "no argument 'sample'", lambda: litpt.Scene(QUAD).vertex_irradiance(sample=1)),
     (ValueError, "fov = 180", lambda: litpt.Scene(QUAD).render(fov=180)),
     (ValueError, "size = 0x4", lambda: litpt.Scene(QUAD).render(size=(0, 4))),
+    (ValueError, "size = 8", lambda: litpt.Scene(QUAD).render(size=(8,))),
+    (ValueError, "ground = <object", lambda: litpt.Scene(QUAD, ground=object())),
     (ValueError, "position = 0,0", lambda: litpt.Scene(QUAD).render(position=(0, 0))),
     (ValueError, "its own position", lambda: litpt.Scene(QUAD).render(position=(1, 0, 0), target=(1, 0, 0))),
     (ValueError, "view = inside", lambda: litpt.Scene(QUAD).render(view="inside")),
