@@ -185,7 +185,7 @@ uninstall:
 # An environment of its own, with what builds and tests the package.
 PYTHON = python3
 PYTHON_ENV = $(BUILD_DIR)/python
-PYTHON_RUN = PATH=$(abspath $(PYTHON_ENV))/bin:$$PATH $(if $(wildcard \
+PYTHON_RUN = SLOW=10 PATH=$(abspath $(PYTHON_ENV))/bin:$$PATH $(if $(wildcard \
   $(BUILD_DIR)/pt),PT=$(abspath $(BUILD_DIR)/pt)) $(PYTHON_ENV)/bin/python
 NOTEBOOK = $(PYTHON_RUN) -m nbconvert --to notebook --execute \
   --output-dir $(BUILD_DIR)/notebooks

@@ -70,8 +70,9 @@ def _call(function, *arguments):
         return function(*arguments)
     except ValueError as fault:
         text = str(fault).removesuffix(" (see pt --help)")
-    text = re.sub(r"^the following .* provided: (--[a-z]+).*", r"\1 is missing", text)
-    text = re.sub(r"^invalid value '(.*?)' for '(--[a-z-]+)[^']*'", r"\2 = \1", text)
+    text = re.sub("^the following .*: (--[a-z]+).*", r"\1 is missing", text)
+    text = re.sub("^invalid value '(.*?)' for '(--[a-z-]+)[^']*'", r"\2 = \1",
+                  text)
     name = lambda match: _NAMES.get(match[1], match[1])
     raise ValueError(re.sub("--([a-z-]+)", name, text))
 
@@ -81,12 +82,13 @@ def _limits(samples=None, of=None, time=None, error=None, norm=None,
     part, is_part = None, isinstance(samples, slice)
     is_whole = is_part and (samples.stop is None or samples.step)
     if is_part != (of is not None) or is_whole:
-        raise ValueError(f"samples = {samples}, of = {of}: a part of the samples "
-                         "is samples=slice(0, 512), of=2048")
+        raise ValueError(f"samples = {samples}, of = {of}: a part of all "
+                         "samples is samples=slice(0, 512), of=2048")
     if is_part:
         part, samples = f"{samples.start or 0}..{samples.stop}", of
     return _words(spp=samples, samples=part, time=time, error=error,
-                  error_norm=norm, seed=seed, integrator=method, threads=threads)
+                  error_norm=norm, seed=seed, integrator=method,
+                  threads=threads)
 
 
 _LIMITS = _limits.__code__.co_varnames[:_limits.__code__.co_argcount]
@@ -263,7 +265,8 @@ class Scene:
             points, words = (*points, _arrays.sha256(*points)), ["--points=points"]
         elif quantity == "face_irradiance":
             side = options.get("side", "front")
-            words, shape = _words(faces=side), (-1, 2) if side == "both" else shape
+            words = _words(faces=side)
+            shape = (-1, 2) if side == "both" else shape
         elif quantity == "vertex_irradiance":
             words = ["--vertices"]
         else:
@@ -277,8 +280,9 @@ class Scene:
 
     def _run(self, quantity, options, limits, progress):
         make, job = self._begin(quantity, options, limits)
+        progress = _show if progress is True else progress
         try:
-            return make(_call(_wait, job, _show if progress is True else progress))
+            return make(_call(_wait, job, progress))
         finally:
             _warn(job.warnings(), 3)
 
@@ -302,5 +306,6 @@ class Scene:
         return places[rays], rays, faces[rays]
 
     def _hits(self, origins, directions):
-        rays = _arrays.pairs("ray_origins", origins, "ray_directions", directions)
+        rays = _arrays.pairs("ray_origins", origins,
+                             "ray_directions", directions)
         return _call(self._core.hits, self._words, *rays)

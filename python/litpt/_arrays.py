@@ -47,6 +47,8 @@ def pairs(name, values, other, more):
 
 def mesh(source):
     """Vertices, the corners of all faces, and their sizes if not all are 3."""
+    if hasattr(source, "to_mesh"):
+        source = source.to_mesh()
     if isinstance(source, tuple) and len(source) == 2:
         points, polygons = source
     elif hasattr(source, "vertices") and hasattr(source, "faces"):
@@ -56,8 +58,8 @@ def mesh(source):
     else:
         raise ValueError(
             "mesh: expected a path, (vertices, faces), or an object with both, "
-            f"not {type(source)}; of trimesh pass scene.to_mesh(), of pyvista "
-            "grid.extract_surface(), of meshio (points, cells[0].data)")
+            f"not {type(source)}; of pyvista pass grid.extract_surface(), of "
+            "meshio (mesh.points, mesh.cells_dict['triangle'])")
     return numbers("vertices", points, (None, 3)), *faces(polygons)
 
 

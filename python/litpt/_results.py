@@ -113,7 +113,8 @@ class Result(Estimate):
 
     def __add__(self, other):
         if not isinstance(other, Result):
-            return self if isinstance(other, int) and other == 0 else NotImplemented
+            is_zero = isinstance(other, int) and other == 0  # as sum adds
+            return self if is_zero else NotImplemented
         states = self._parts() + other._parts()
         core = self._scene._core.restore(self._words, self._points, states)
         whole = Result(self._scene, self._shape, self._words, self._points,
@@ -198,7 +199,7 @@ class Result(Estimate):
         if self._is_image:
             return None
         pairs = list(zip(self.value.flat[:5], self.stderr.flat[:5]))
-        rows = [f"<tr><td>{i}<td>{rounded(*pair)}" for i, pair in enumerate(pairs)]
+        rows = [f"<tr><td>{i}<td>{rounded(*p)}" for i, p in enumerate(pairs)]
         if self.value.size > 5:
             rows.append(f"<tr><td>…<td>{self.value.size} in all")
         facts = html.escape(self._facts())

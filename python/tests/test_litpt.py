@@ -64,10 +64,11 @@ def test_points_have_the_bits_of_pt(pt, points, method, threads):
     assert ours.value.dtype == np.float64 and ours.samples.dtype == np.int64
 
 
+@pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("method", METHODS)
-def test_the_command_gives_the_same_bits(pt, method):
+def test_the_command_gives_the_same_bits(pt, method, threads):
     room = litpt.Scene(ROOM, albedo={None: 0.3, "walls": 0}, zenith=(0, 0.5, 1))
-    limits = dict(samples=32, method=method, seed=7)
+    limits = dict(samples=32, method=method, seed=7, threads=threads)
     both = room.face_irradiance("both", **limits)
     folder = pt(both.command)
     theirs = table(folder / "values.csv")
@@ -176,6 +177,7 @@ def test_objects_of_other_libraries(box):
     flat = np.insert(quads, 0, 4, axis=1).ravel()
     meshes = [types.SimpleNamespace(points=vertices, faces=flat, n_strips=0),
               types.SimpleNamespace(vertices=vertices, faces=quads)]
+    meshes.append(types.SimpleNamespace(to_mesh=lambda: meshes[1]))
     expected = litpt.Scene(box, albedo=0.5).face_irradiance(samples=16)
     for mesh in meshes:
         assert same(litpt.Scene(mesh, albedo=0.5).face_irradiance(samples=16), expected)
