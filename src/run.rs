@@ -417,7 +417,7 @@ impl Rendering<'_> {
         let film = &self.film;
         if let Some((table, receivers)) = self.world.table() {
             let values = table.values(receivers, film, None).into_iter();
-            return values.map(|(pair, _)| pair).collect();
+            return values.map(|(pair, _)| pair.map(f64::from)).collect();
         }
         let errors = film.errors(NEIGHBOUR_WEIGHT, film.window);
         film.means().zip(errors).map(Into::into).collect()

@@ -83,8 +83,10 @@ class Result(Estimate):
         self._words, self._core, self._states = words, core, list(states)
         numbers = [array.reshape(shape) for array in core.values()]
         super().__init__(*numbers[:2])
-        self.samples = numbers[2].astype(np.int64)
-        self.__dict__.update(core.facts())
+        self.samples = np.nan_to_num(numbers[2]).astype(np.int64)
+        self.method, self.stopped, self.seconds, self.constant = core.facts()
+        self.unit = ("radiance (uniform sky = 1)" if self._is_image else
+                     "irradiance (horizontal in the open = 1)")
 
     @property
     def command(self):
@@ -135,9 +137,12 @@ class Result(Estimate):
 
     @functools.cached_property
     def _blocks(self):
-        """How many samples each block has, and the values of its own."""
-        sizes, means = self._rendering().blocks()
-        return sizes, means.reshape(-1, *self.value.shape)
+        """How many samples each block has, and the means of its own."""
+        counts, means = self._rendering().blocks()
+        means = means.reshape(-1, *self.value.shape)
+        sizes = np.diff(counts, prepend=0)
+        sums = np.diff((counts * means.T).T, axis=0, prepend=0)
+        return sizes, (sums.T / sizes).T
 
     def weighted_sum(self, weights):
         """The sum of all values, each times its weight, as an Estimate: ().

@@ -21,7 +21,7 @@ use litpt::state::checkpoint::RunRecord;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::rendering::Rendering;
+use crate::rendering::{Blocks, Rendering};
 use crate::{Cancelled, SceneData, on_threads};
 
 /// A run that has begun.
@@ -84,15 +84,20 @@ impl Shared {
         let Run { key: run_key, learnt, mut renderer, .. } = run;
         let plan = plan.clone();
         let record = RunRecord { run_key, plan, report, learnt };
-        let mut rendering = Rendering::new(world.clone(), record, first);
+        let whole = |film, convergence: &Convergence, blocks: &Blocks| {
+            let mut record = record.clone();
+            record.report.convergence.clone_from(convergence);
+            let (world, first) = (world.clone(), first.clone());
+            Rendering { world, record, film, first, blocks: blocks.clone() }
+        };
         // Render with an eye on Python
         // Render, and tell of it
+        let mut blocks = Blocks::default();
         let mut after = |convergence: &Convergence, film: &Film| {
-            rendering.blocks.add(film, convergence);
+            blocks.add(film, convergence);
             self.news().doing = progress(convergence, film, &limits);
             if self.is_wanted.swap(false, Relaxed) {
-                let partial =
-                    rendering.with(film.clone(), convergence.clone());
+                let partial = whole(film.clone(), convergence, &blocks);
                 self.news().partial = Some(partial);
                 self.changed.notify_all();
             }
@@ -106,7 +111,7 @@ impl Shared {
             &mut after,
         );
         drop(renderer);
-        let rendering = rendering.with(film, convergence);
+        let rendering = whole(film, &convergence, &blocks);
         if rendering.has_samples() {
             warn_of_receivers(&world, &rendering.film, host);
         }
@@ -159,18 +164,14 @@ impl Job {
     /// Waits for the end or a partial result, so many seconds at most; returns
     /// whether the run has ended.
     fn wait(&self, py: Python, seconds: f64) -> bool {
-        let shared = &self.0;
         let limit = Duration::from_secs_f64(seconds);
-        let has_news =
-            |news: &News| news.end.is_some() || news.partial.is_some();
+        let is_quiet =
+            |news: &mut News| news.end.is_none() && news.partial.is_none();
         py.detach(|| {
-            let wait = shared.changed.wait_timeout_while(
-                shared.news(),
-                limit,
-                |news| !has_news(news),
-            );
-            let (news, _) = wait.unwrap_or_else(|it| it.into_inner());
-            news.end.is_some()
+            let Shared { changed, .. } = &*self.0;
+            let news = self.0.news();
+            let wait = changed.wait_timeout_while(news, limit, is_quiet);
+            wait.unwrap_or_else(|it| it.into_inner()).0.end.is_some()
         })
     }
 

@@ -93,16 +93,7 @@ fn on_threads<T: Send>(
         Err(cause) if cause.is::<Cancelled>() => {
             Err(PyKeyboardInterrupt::new_err(()))
         }
-        Err(cause) => {
-            // Turn a panic into an exception
-            let text =
-                cause.downcast_ref::<&str>().map(ToString::to_string);
-            let text = text.or_else(|| cause.downcast_ref().cloned());
-            let text: String = text.unwrap_or_default();
-            Err(PyRuntimeError::new_err(format!(
-                "a fault of litpt: {text}"
-            )))
-        }
+        Err(_) => Err(PyRuntimeError::new_err("a fault of litpt")),
     }
 }
 

@@ -16,21 +16,23 @@ use litpt::run_output::RunOutput;
 use litpt::state::checkpoint::{Checkpoint, RunRecord, save};
 use litpt::state::shards;
 use litpt::world::World;
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyBytes;
 
 use crate::on_threads;
 
 /// The values of a run.
 #[pyclass(frozen, module = "litpt._core")]
 pub struct Rendering {
-    world: Arc<World>,
-    record: RunRecord,
+    /// The scene and its sensor.
+    pub world: Arc<World>,
+    /// The record of the run.
+    pub record: RunRecord,
     /// The samples.
     pub film: Film,
     /// A glance, if there was one.
-    first: Option<Arc<(Film, Filtered)>>,
+    pub first: Option<Arc<(Film, Filtered)>>,
     /// The means of blocks of samples.
     pub blocks: Blocks,
 }
@@ -56,25 +58,6 @@ impl Blocks {
 type Numbers<'py> = Bound<'py, PyArray1<f64>>;
 
 impl Rendering {
-    /// A result without samples.
-    pub fn new(
-        world: Arc<World>,
-        record: RunRecord,
-        first: Option<Arc<(Film, Filtered)>>,
-    ) -> Self {
-        let film = Film::new(1, 1);
-        Self { world, record, film, first, blocks: Blocks::default() }
-    }
-
-    /// The result with these samples.
-    pub fn with(&self, film: Film, convergence: Convergence) -> Self {
-        let Self { world, record, first, blocks, .. } = self;
-        let (world, first) = (world.clone(), first.clone());
-        let (mut record, blocks) = (record.clone(), blocks.clone());
-        record.report.convergence = convergence;
-        Self { world, record, film, first, blocks }
-    }
-
     /// Why the run has ended.
     pub fn stop(&self) -> Option<Stop> {
         self.record.report.convergence.stopped
@@ -90,7 +73,6 @@ impl Rendering {
 
     /// The sum of parts with these states.
     pub fn restore(world: World, states: Vec<Vec<u8>>) -> Result<Self> {
-        let world = Arc::new(world);
         let open = |(n, state): (usize, Vec<u8>)| {
             let mut state = Checkpoint::open(Cursor::new(state))?;
             state.name = format!("part {n}");
@@ -117,9 +99,9 @@ impl Rendering {
             let (bvh, view) = (&world.geometry.bvh, world.view());
             film.fragments = Some(fragments(bvh, &view, windows).into());
         }
-        let new = Self::new(world, record, None);
-        let convergence = new.record.report.convergence.clone();
-        Ok(new.with(film, convergence))
+        let (world, first, blocks) =
+            (world.into(), None, Blocks::default());
+        Ok(Self { world, record, film, first, blocks })
     }
 
     /// Numbers of the film for each requested receiver, in the order of the
@@ -138,21 +120,10 @@ impl Rendering {
     /// Values, standard errors and numbers of samples.
     fn numbers(&self) -> [Vec<f64>; 3] {
         let (film, window) = (&self.film, self.film.window);
-        let counts = self.record.allocation();
-        if let Some((table, receivers)) = self.world.table() {
-            let values = table.values(receivers, film, counts);
-            let pick =
-                |k: usize| values.iter().map(move |(pair, _)| pair[k]);
-            let samples = values.iter().map(|(_, samples)| *samples);
-            return [
-                pick(0).collect(),
-                pick(1).collect(),
-                samples.collect(),
-            ];
-        }
         let errors = film.errors(NEIGHBOUR_WEIGHT, window);
-        let counts = film.counts_of(window, counts);
+        let counts = film.counts_of(window, self.record.allocation());
         [film.means_of(window), errors, counts]
+            .map(|list| self.spread(list))
     }
 }
 
@@ -205,53 +176,33 @@ impl Rendering {
         })
     }
 
-    /// What is known about the run.
-    fn facts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    /// The method, why the run has ended, its seconds, and how many saw one
+    /// value only.
+    fn facts(&self) -> (String, &str, f64, u64) {
         let convergence = &self.record.report.convergence;
-        let facts = PyDict::new(py);
-        let sampling = &self.record.run_key.sampling;
-        facts.set_item("method", sampling.method.to_string())?;
-        facts.set_item(
-            "unit",
-            match self.film.is_list {
-                true => "irradiance (horizontal in the open = 1)",
-                false => "radiance (uniform sky = 1)",
-            },
-        )?;
-        let stopped = match convergence.stopped {
+        let method = self.record.run_key.sampling.method.to_string();
+        let stopped = match self.stop() {
             None => "not yet",
             Some(Stop::Samples) => "samples",
             Some(Stop::Time) => "time",
             Some(Stop::Error) => "error",
             Some(Stop::Signal(_)) => "interrupt",
         };
-        facts.set_item("stopped", stopped)?;
-        facts.set_item("seconds", convergence.seconds)?;
-        facts.set_item("constant", convergence.constant_pixels)?;
-        Ok(facts)
+        let constant = convergence.constant_pixels;
+        (method, stopped, convergence.seconds, constant)
     }
 
-    /// The samples of each block, and the means of its receivers.
+    /// Numbers of samples, and the means of receivers after so many.
     fn blocks<'py>(
         &self,
         py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>
-    {
-        let (mut sizes, mut means, mut before) =
-            (vec![], vec![], (0., vec![]));
-        for (spp, now) in &self.blocks.0 {
-            let (n, m) = (*spp as f64, before.0);
-            let mut last = before.1.into_iter();
-            let block = now.iter().map(|mean| {
-                (n * mean - m * last.next().unwrap_or(0.)) / (n - m)
-            });
-            means.extend(self.spread(block.collect()));
-            sizes.push(n - m);
-            before = (n, now.clone());
-        }
-        let shape = [sizes.len(), means.len() / sizes.len().max(1)];
-        let means = PyArray1::from_vec(py, means).reshape(shape)?;
-        Ok((PyArray1::from_vec(py, sizes), means))
+    ) -> PyResult<(Numbers<'py>, Bound<'py, PyArray2<f64>>)> {
+        let blocks = self.blocks.0.iter();
+        let counts = blocks.clone().map(|(spp, _)| *spp as f64);
+        let rows = blocks.map(|(_, means)| self.spread(means.clone()));
+        let rows: Vec<_> = rows.collect();
+        let means = PyArray2::from_vec2(py, &rows)?;
+        Ok((PyArray1::from_iter(py, counts), means))
     }
 }
 

@@ -88,9 +88,8 @@ pub struct Table {
     pub grey: fn(f64) -> u8,
 }
 
-/// A value and its standard error, and the number of samples. Files have them
-/// in single precision.
-pub type Value = ([f64; 2], f64);
+/// A value and its standard error, and the number of samples.
+pub type Value = ([f32; 2], f64);
 
 /// A text as a cell of CSV.
 fn cell(text: &str) -> String {
@@ -176,7 +175,7 @@ impl Table {
         film: &Film,
         allocation: Option<&[u32]>,
     ) -> Vec<Value> {
-        let mut values = vec![([f64::NAN; 2], 0.); receivers.asked];
+        let mut values = vec![([f32::NAN; 2], 0.); receivers.asked];
         let window = film.window;
         let numbers = &receivers.numbers[window.corner.1 as usize..];
         let means = film.means_of(window).into_iter();
@@ -185,7 +184,7 @@ impl Table {
         for (&number, ((mean, error), count)) in numbers.iter().zip(found) {
             let (face, _) = self.face(number as usize);
             let part = self.albedos.as_ref().map_or(1., |a| a.of(face));
-            let found = [mean, error].map(|x| part * x);
+            let found = [mean, error].map(|x| (part * x) as f32);
             values[number as usize] = (found, count);
         }
         values
@@ -207,8 +206,7 @@ impl Table {
         let mut marks = self.mesh.marks.iter().peekable();
         let mut names = [""; 4];
         // Write a line of CSV for each receiver
-        for (i, (pair, samples)) in values.iter().enumerate() {
-            let [value, error] = pair.map(|x| x as f32);
+        for (i, ([value, error], samples)) in values.iter().enumerate() {
             let mut more = String::new();
             let place = match &self.shape {
                 Shape::Points(points) => {
@@ -303,7 +301,7 @@ impl Table {
         };
         // Write the corners of a PLY
         for (place, normal, number) in (0..corners).map(corner) {
-            let [value, error] = values[number].0.map(|x| x as f32);
+            let ([value, error], _) = values[number];
             let grey = [(self.grey)(value.into()); 3];
             let colour = if value.is_nan() { [255, 0, 255] } else { grey };
             let place = place.to_array().map(f64::to_le_bytes);
@@ -327,7 +325,7 @@ impl Table {
 
     fn obj(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
         for (p, ([value, _], _)) in self.mesh.vertices.iter().zip(values) {
-            let ([x, y, z], grey) = (p.to_array(), value.max(0.) as f32);
+            let ([x, y, z], grey) = (p.to_array(), value.max(0.));
             writeln!(out, "v {x} {y} {z} {grey} {grey} {grey}")?;
         }
         for corners in &self.mesh.triangles {
