@@ -217,10 +217,10 @@ test-python: $(PYTHON_ENV)/installed
 # The types, the other notebooks, and what other programs find: ten minutes.
 test-python-full: test-python
 	$(PYTHON_ENV)/bin/pip install -q mypy trimesh pyvista rtree scipy embreex mitsuba
-	cd $(BUILD_DIR) && python/bin/python -m mypy.stubtest litpt
+	cd $(BUILD_DIR) && $(abspath $(PYTHON_ENV))/bin/python -m mypy.stubtest litpt
 	$(NOTEBOOK) python/examples/*.ipynb
 	$(PYTHON_RUN) -m pytest -q -p no:cacheprovider python/tests/full
-	$(PYTHON_RUN) python/tests/full/rates.py doc/measured/python.csv
+	$(PYTHON_RUN) python/tests/full/rates.py --pt $(BUILD_DIR)/pt -o doc/measured/python.csv
 
 # ---- the courtyard
 
