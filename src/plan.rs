@@ -314,6 +314,9 @@ impl CameraPlan {
         let is_image = is_side(width) && is_side(height);
         let wanted = "expected sides from 1 to 16384";
         require(is_image, "resolution", &size, wanted)?;
+        let grey = self.background.unwrap_or(0.);
+        let wanted = "expected a radiance from 0 to 1e9";
+        require((0. ..=1e9).contains(&grey), "background", grey, wanted)?;
         let window = self.window();
         let Window { corner: (x, y), size: (w, h) } = window;
         let fits = |at, n, side| at < side && 0 < n && n <= side - at;

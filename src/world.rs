@@ -293,7 +293,8 @@ fn named(plan: &Plan, inputs: &Inputs, host: Host) -> Named {
     let (named_albedos, band) = (surfaces.named.clone(), surfaces.band);
     let ignored = names(&inputs.mesh.marks, MarkKind::Material).count();
     let is_read = surfaces.materials == Some(true) || !materials.is_empty();
-    if ignored > 0 && !is_read && named_albedos.is_empty() {
+    let is_given = is_read || !inputs.albedos.is_empty();
+    if ignored > 0 && !is_given && named_albedos.is_empty() {
         let (file, albedo) = (plan.scene_name(), surfaces.albedo);
         host.warn(format!(
             "{file}: its materials are ignored, {ignored} of them: every \

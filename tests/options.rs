@@ -107,6 +107,7 @@ fn a_value_that_is_almost_right_is_refused() {
         ("-F --fov", "0|180|-10|1e3", "strictly between 0 and 180"),
         ("-r --albedo", "-0.1|1.1", "between 0 and 1"),
         ("--time --error --every", "0|-1", "greater than zero"),
+        ("--background", "-1|2e9|1e300", "from 0 to 1e9"),
         ("-j --threads", "0|4097", "between 1 and 4096"),
         ("--isa", "sse|AVX2", ""),
         ("--integrator", "path|AUTO", "reference, sobol or gather"),

@@ -25,7 +25,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from . import _arrays, _core
-from ._results import Estimate, Result
+from ._results import Estimate, Result, _call
 
 __all__ = ["Estimate", "Result", "Scene", "pt"]
 __version__ = _core.version
@@ -37,51 +37,33 @@ def pt():
     sys.exit(_core.main(["pt", *sys.argv[1:]]))
 
 
-def _text(value):
+def _text(name, value):
     """A value as `pt` reads it."""
-    if isinstance(value, (str, os.PathLike)):
-        return os.fspath(value).replace(" %", "%")
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return ",".join(map(_text, value))
-    is_whole = isinstance(value, (int, np.integer))
-    return str(int(value)) if is_whole else repr(float(value))
+    if isinstance(value, (str, bytes, os.PathLike)):
+        return os.fsdecode(value).replace(" %", "%")
+    if np.ndim(value) == 1:
+        return ",".join(_text(name, part) for part in value)
+    try:
+        number = np.asarray(value)[()]
+        is_whole = isinstance(number, np.integer)
+        return str(int(number)) if is_whole else repr(float(number))
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} = {value!r}: not a number") from None
 
 
 def _words(**options):
     """The options that are given, as words of `pt`."""
-    words = []
-    for name, value in options.items():
-        try:
-            text = None if value is None else _text(value)
-        except TypeError:
-            raise ValueError(f"{name} = {value!r}: not a number") from None
-        words += [] if text is None else [f"--{name.replace('_', '-')}={text}"]
-    return words
-
-
-# Options of `pt` that have other names here.
-_NAMES = {"spp": "samples", "resolution": "size", "integrator": "method",
-          "error-norm": "norm", "faces": "side"}
-
-
-def _call(function, *arguments):
-    """Calls the compiled half; its faults name arguments, not options."""
-    try:
-        return function(*arguments)
-    except ValueError as fault:
-        text = str(fault).removesuffix(" (see pt --help)")
-    text = re.sub("^the following .*: (--[a-z]+).*", r"\1 is missing", text)
-    text = re.sub("^invalid value '(.*?)' for '(--[a-z-]+)[^']*'", r"\2 = \1",
-                  text)
-    name = lambda match: _NAMES.get(match[1], match[1])
-    raise ValueError(re.sub("--([a-z-]+)", name, text))
+    given = [pair for pair in options.items() if pair[1] is not None]
+    return [f"--{name.replace('_', '-')}={_text(name, value)}"
+            for name, value in given]
 
 
 def _limits(samples=None, of=None, time=None, error=None, norm=None,
             seed=None, method=None, threads=None):
     part, is_part = None, isinstance(samples, slice)
-    is_whole = is_part and (samples.stop is None or samples.step)
-    if is_part != (of is not None) or is_whole:
+    is_empty = is_part and of is not None and not (
+        (samples.start or 0) < (samples.stop or 0) <= of and not samples.step)
+    if is_part != (of is not None) or is_empty:
         raise ValueError(f"samples = {samples}, of = {of}: a part of all "
                          "samples is samples=slice(0, 512), of=2048")
     if is_part:
@@ -105,6 +87,8 @@ def _wait(job, progress):
         while not job.wait(0.05):
             if progress:
                 progress(*job.progress())
+        if progress:
+            progress(1.0, job.progress()[1])
     except BaseException as cause:
         job.cancel()
         pause = 10 if hasattr(sys, "ps1") else np.inf
@@ -157,34 +141,47 @@ class Scene:
 
     def __init__(self, mesh, albedo=None, sky="uniform", ground=None,
                  zenith=(0, 0, 1)):
-        is_file, each = isinstance(mesh, (str, os.PathLike)), None
-        words = [os.fspath(mesh)] if is_file else []
+        is_file, each = isinstance(mesh, (str, bytes, os.PathLike)), None
+        words = [os.fsdecode(mesh) if is_file else "mesh"]
+        if words[0].startswith("-"):
+            words = [os.path.join(".", words[0])]
         mesh = None if is_file else (*_arrays.mesh(mesh), None)
         words += _words(sky=sky, ground=ground, zenith=zenith)
         if isinstance(albedo, Mapping):
             for name, number in albedo.items():
                 name = "" if name is None else f"{name}="
-                words.append(f"--albedo={name}{_text(number)}")
+                words.append(f"--albedo={name}{_text('albedo', number)}")
         elif np.ndim(albedo):
-            each = _arrays.numbers("albedo", albedo, (None,))
+            each = _arrays.numbers("albedo", albedo, (None,)).copy()
+            if not each.size:
+                raise ValueError("albedo: has no number")
+        elif is_file and isinstance(albedo, str) and albedo == "materials":
+            words.append("--materials")
         else:
-            is_name = isinstance(albedo, str) and albedo == "materials"
-            words += ["--materials"] if is_name else _words(albedo=albedo)
+            words += _words(albedo=albedo)
         digest = _arrays.sha256(*(mesh or ())[:3], each)
-        self._open(words, mesh, each, digest)
+        self.__setstate__((words, mesh, each, digest))
+        self._core
 
-    def _open(self, *state):
-        self._words, mesh, self._each, self._digest = state
-        self._is_array = mesh is not None
+    def __getattr__(self, name):
+        """Opens the scene when it is needed: the file of one that was pickled may
+        be gone."""
+        if name != "_core" or "_mesh" not in self.__dict__:
+            raise AttributeError(name)
+        state = self.__getstate__()
         self._core, odd = _call(_core.Scene.open, *state)
-        _warn(odd, 3)
+        self._is_array = self.__dict__.pop("_mesh") is not None
+        _warn(odd, 4)
+        return self._core
 
     def __getstate__(self):
-        mesh = self._core.arrays() if self._is_array else None
+        mesh = self.__dict__.get("_mesh")
+        if "_mesh" not in self.__dict__ and self._is_array:
+            mesh = self._core.arrays()
         return self._words, mesh, self._each, self._digest
 
     def __setstate__(self, state):
-        self._open(*state)
+        self._words, self._mesh, self._each, self._digest = state
 
     def irradiance(self, points, normals, progress=None, **limits):
         """The irradiance at points, (n, 3), on the side of their normals,
@@ -192,8 +189,9 @@ class Scene:
 
         Limits, the first of which to be reached ends the run:
         samples
-            How many a value, 1024 if there is no limit; or a part of them,
-            slice(a, b), with their number `of`. Parts can be added.
+            How many a value, 1024 if there is no limit; methods with groups of
+            samples may round that. Or a part of them, slice(a, b), with their
+            number `of`; parts can be added.
         time
             Seconds.
         error
@@ -236,7 +234,11 @@ class Scene:
     def steps(self, quantity, *places, every=0.5, **options):
         """Iterates over partial results of the method `quantity`, one in
         `every` seconds at most; the last is whole. `places` are points and
-        normals, or the side; `options` those of the method."""
+        normals, or the side; `options` those of the method. An interrupt is
+        raised, and ends the run."""
+        if quantity not in ("irradiance", "face_irradiance",
+                            "vertex_irradiance", "render"):
+            raise ValueError(f"quantity = {quantity!r}: no method with steps")
         method = inspect.signature(getattr(self, quantity))
         options = method.bind(*places, **options).arguments
         options.pop("progress", None)
@@ -262,28 +264,36 @@ class Scene:
         if quantity == "irradiance":
             points = _arrays.pairs("points", options["points"], "normals",
                                    options["normals"])
-            points, words = (*points, _arrays.sha256(*points)), ["--points=points"]
+            points = [array.copy() for array in points]
+            points = *points, _arrays.sha256(*points)
+            words = ["--points=points"]
         elif quantity == "face_irradiance":
             side = options.get("side", "front")
-            words = _words(faces=side)
+            words = [f"--faces={side}"]
             shape = (-1, 2) if side == "both" else shape
         elif quantity == "vertex_irradiance":
             words = ["--vertices"]
         else:
-            size = tuple(options.pop("size", (320, 240)))
-            words = _words(resolution="x".join(map(_text, size)), **options)
-            shape = tuple(map(int, size[::-1]))
+            size = options.pop("size", (320, 240))
+            words = _words(resolution=_text("size", size).replace(",", "x"))
+            words += _words(**options)
+            shape = tuple(int(n) for n in words[0][13:].split("x")[::-1]
+                          if n.isdigit())
             words += ["--spp=64"] if is_open else []
         words = [*self._words, *words, *limits]
         make = lambda core: Result(self, shape, words, points, core)
         return make, _call(self._core.start, words, points)
 
     def _run(self, quantity, options, limits, progress):
+        if not (progress in (None, False, True) or callable(progress)):
+            raise ValueError(f"progress = {progress!r}: no function")
         make, job = self._begin(quantity, options, limits)
-        progress = _show if progress is True else progress
+        shows = progress is True
         try:
-            return make(_call(_wait, job, progress))
+            return make(_call(_wait, job, _show if shows else progress))
         finally:
+            if shows:
+                print("\r" + " " * 56, end="\r", file=sys.stderr, flush=True)
             _warn(job.warnings(), 3)
 
     def intersects_first(self, ray_origins, ray_directions):

@@ -35,7 +35,7 @@ def pairs(name, values, other, more):
     """As many vectors of two names; one of the second may serve for all."""
     values = numbers(name, values, (None, 3))
     if np.ndim(more) == 1:
-        more = np.broadcast_to(more, values.shape)
+        more = np.broadcast_to(numbers(other, more, (3,)), values.shape)
     more = numbers(other, more, (None, 3))
     if len(more) != len(values):
         raise ValueError(f"{other}: {len(more)}, but {name}: {len(values)}")
@@ -68,7 +68,11 @@ def counted(source):
     if getattr(source, "n_strips", 0):
         raise ValueError("mesh: has strips; pass mesh.triangulate()")
     flat, at, polygons = np.asarray(source.faces), 0, []
+    if flat.ndim == 2:
+        return flat
     while at < len(flat):
+        if flat[at] < 1:
+            raise ValueError(f"faces: a face of {flat[at]} corners")
         polygons.append(flat[at + 1:at + 1 + flat[at]])
         at += 1 + flat[at]
     return polygons
@@ -77,16 +81,18 @@ def counted(source):
 def faces(polygons):
     """The corners of all faces, and their sizes if not all are 3."""
     try:
-        even = np.asarray(polygons)
+        is_even = np.asarray(polygons).dtype.kind != "O"
     except ValueError:
-        corners = np.concatenate([np.asarray(face) for face in polygons])
-        corners = numbers("faces", corners, (None,), "iu", np.int64)
-        sizes = np.array([len(face) for face in polygons])
+        is_even = False
+    if is_even and not np.size(polygons):
+        raise ValueError("faces: there is none")
+    if is_even:
+        corners = numbers("faces", polygons, (None, None), "iu", np.int64)
+        sizes, corners = np.full(len(corners), corners.shape[1]), corners.ravel()
     else:
-        if not even.size:
-            raise ValueError("faces: there is none")
-        corners = numbers("faces", even, (None, None), "iu", np.int64).ravel()
-        sizes = np.full(len(even), even.shape[1])
+        each = [numbers(f"faces[{i}]", face, (None,), "iu", np.int64)
+                for i, face in enumerate(polygons)]
+        sizes, corners = np.array(list(map(len, each))), np.concatenate(each)
     if sizes.min() < 3:
         at = sizes.argmin()
         raise ValueError(f"faces[{at}]: {sizes[at]} corners; it needs three")

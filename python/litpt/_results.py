@@ -5,10 +5,30 @@
 import functools
 import html
 import os
+import re
 import shlex
 import tempfile
 
 import numpy as np
+
+
+# Options of `pt` that have other names here.
+_NAMES = {"spp": "samples", "resolution": "size", "integrator": "method",
+          "error-norm": "norm", "faces": "side", "output": "path",
+          "input": "mesh"}
+
+
+def _call(function, *arguments):
+    """Calls the compiled half; its faults name arguments, not options."""
+    try:
+        return function(*arguments)
+    except ValueError as fault:
+        text = str(fault).removesuffix(" (see pt --help)")
+    text = re.sub("^the following .*: (--[a-z]+).*", r"\1 is missing", text)
+    text = re.sub("^invalid value '(.*?)' for '(--[a-z-]+)[^']*'", r"\2 = \1",
+                  text)
+    name = lambda match: _NAMES.get(match[1], match[1])
+    raise ValueError(re.sub(r"(?<![\w-])--([a-z-]+)", name, text))
 
 
 class Estimate:
@@ -21,7 +41,8 @@ class Estimate:
         self.value, self.stderr = np.asarray(value), np.asarray(stderr)
 
     def __array__(self, dtype=None, copy=None):
-        return np.array(self.value, dtype, copy=copy)
+        array = np.asarray(self.value, dtype)
+        return array if copy is False else array.copy()
 
     def __mul__(self, factor):
         factor = np.asarray(factor) if _is_number(factor) else None
@@ -55,7 +76,7 @@ def rounded(value, stderr):
     """A value with the digits for which its error has two."""
     if not 0 < stderr < np.inf:
         return f"{value:.6g} ± {stderr:.2g}"
-    places = max(0, 1 - int(np.floor(np.log10(stderr))))
+    places = min(12, max(0, 1 - int(np.floor(np.log10(stderr)))))
     return f"{value:.{places}f} ± {stderr:.{places}f}"
 
 
@@ -102,8 +123,8 @@ class Result(Estimate):
 
     def _rendering(self):
         """The compiled half, which is made again after a pickle."""
-        self._core = self._core or self._scene._core.restore(
-            self._words, self._points, self._states)
+        self._core = self._core or _call(
+            self._scene._core.restore, self._words, self._points, self._states)
         return self._core
 
     def _parts(self):
@@ -117,10 +138,10 @@ class Result(Estimate):
         if not isinstance(other, Result):
             is_zero = isinstance(other, int) and other == 0  # as sum adds
             return self if is_zero else NotImplemented
+        words = [word for word in self._words if "--samples=" not in word]
         states = self._parts() + other._parts()
-        core = self._scene._core.restore(self._words, self._points, states)
-        whole = Result(self._scene, self._shape, self._words, self._points,
-                       core, states)
+        core = _call(self._scene._core.restore, words, self._points, states)
+        whole = Result(self._scene, self._shape, words, self._points, core, states)
         blocks = zip(self._blocks, other._blocks)
         whole._blocks = tuple(np.concatenate(pair) for pair in blocks)
         return whole
@@ -151,6 +172,8 @@ class Result(Estimate):
         Values vary together. The error is that which blocks of samples show;
         with k of them it is known to about one part in the root of 2 k - 2.
         """
+        if np.ma.is_masked(weights):
+            raise ValueError("weights: has masked values")
         weights, n = np.asarray(weights, float), self.value.ndim
         if weights.shape[weights.ndim - n:] != self.value.shape:
             raise ValueError(f"weights: expected shape {self.value.shape}, or "
@@ -168,20 +191,25 @@ class Result(Estimate):
 
     def weighted_mean(self, weights):
         """The same, with weights that are divided by their sum."""
-        weights = np.asarray(weights, float)
+        weights = weights if np.ma.is_masked(weights) else np.asarray(weights, float)
         axes = tuple(range(-min(self.value.ndim, weights.ndim), 0))
-        return self.weighted_sum(weights / weights.sum(axes, keepdims=True))
+        sums = weights.sum(axes, keepdims=True)
+        if not np.all(sums):
+            raise ValueError("weights: their sum is 0")
+        return self.weighted_sum(weights / sums)
 
     def save(self, path, exposure=None):
         """Writes a file by its extension, in place of one that exists: places
         as .csv, .ply or, for vertices, .obj; pixels as .exr, .pfm, .png, .pgm
         or a page .html; the state of the run as .litpt; a report as .json."""
-        path = os.fspath(path)
+        path = os.fsdecode(path)
+        if path in ("", "-"):
+            raise ValueError(f"path = {path!r}: names no file")
         is_report = path.endswith((".json", ".html"))
         words = [f"--{'report' if is_report else 'output'}={path}", "--force"]
         if exposure is not None:
             words.append(f"--exposure={exposure}")
-        self._rendering().save([*self._words, *words])
+        _call(self._rendering().save, [*self._words, *words])
 
     def to_xarray(self):
         """The arrays as a Dataset of xarray."""

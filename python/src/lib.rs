@@ -46,6 +46,11 @@ fn main(py: Python, words: Vec<std::ffi::OsString>) -> u8 {
 /// An error of the library as Python has it.
 fn refused(error: Error) -> PyErr {
     let text = error.to_string();
+    let number = text.split("(os error ").nth(1);
+    let number = number.and_then(|rest| rest.split(')').next());
+    if let Some(number) = number.and_then(|n| n.parse::<i32>().ok()) {
+        return PyOSError::new_err((number, text));
+    }
     match error {
         Error::File { .. } | Error::Kept { .. } => PyOSError::new_err(text),
         Error::Memory(_) => PyMemoryError::new_err(text),

@@ -94,6 +94,9 @@ impl Rendering {
                 (merged.record, merged.film)
             }
         };
+        if record.run_key.scene_sha256 != world.report.scene.sha256 {
+            return Err("the scene is no longer that of the result".into());
+        }
         if record.run_key.filtered {
             let windows = (film.window, film.run_window);
             let (bvh, view) = (&world.geometry.bvh, world.view());

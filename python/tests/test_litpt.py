@@ -161,6 +161,32 @@ def test_arrays_are_copied(box):
     assert 0 < scene.irradiance(points, UP, samples=32).value[0] < 1
 
 
+def test_arrays_are_copied_for_a_pickle_too(box, points):
+    """What is saved after a pickle has the places of the run."""
+    albedos, places = np.full(5, 0.5), points.copy()
+    scene = litpt.Scene(box, albedo=albedos)
+    result = scene.irradiance(places, UP, samples=32)
+    albedos[:], places[:] = 0, 1
+    again = pickle.loads(pickle.dumps(result))
+    assert same(again, result) and np.array_equal(again._points[0], points)
+    assert same(again._scene.irradiance(points, UP, samples=32), result)
+
+
+def test_a_result_is_not_mixed_with_another_scene(tmp_path):
+    """The file of a scene has changed, or is gone, when a result is unpickled."""
+    path = tmp_path / "a.obj"
+    path.write_text(ROOM.read_text().replace("mtllib", "#"))
+    result = litpt.Scene(path).face_irradiance(samples=16)
+    saved = pickle.dumps(result)
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(ValueError, match="no longer that of the result"):
+        pickle.loads(saved).save(tmp_path / "a.csv")
+    path.unlink()
+    assert same(pickle.loads(saved), result)
+    with pytest.raises(FileNotFoundError):
+        pickle.loads(saved).save(tmp_path / "a.csv")
+
+
 def test_polygons_of_different_sizes():
     outline = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [2, 1, 0], [0, 4, 0], [0, 0, 1], [4, 0, 1]]
     scene = litpt.Scene((outline, [[0, 1, 2, 3, 4], [0, 1, 6, 5]]), albedo=0)
@@ -217,7 +243,8 @@ def test_parts_add_up_to_the_bits_of_the_whole(points):
         whole = make(*places, samples=192, method="sobol", **more)
         cuts = [slice(0, 64), slice(64, 128), slice(128, 192)]
         parts = [make(*places, samples=c, of=192, method="sobol", **more) for c in cuts]
-        assert same(sum(pickle.loads(pickle.dumps(parts))), whole)
+        added = sum(pickle.loads(pickle.dumps(parts)))
+        assert same(added, whole) and added.command == whole.command
         assert same(parts[2] + parts[0] + parts[1], whole)
         with pytest.raises(ValueError, match="both hold"):
             parts[0] + parts[0]
@@ -520,6 +547,25 @@ ROWS = np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]])
 
 
 @pytest.mark.parametrize("kind, text, fault", [
+    (FileNotFoundError, "nowhere.obj", lambda: litpt.Scene("nowhere.obj")),
+    (ValueError, "side = None", lambda: litpt.Scene(QUAD).face_irradiance(side=None)),
+    (ValueError, "albedo: has no number", lambda: litpt.Scene(QUAD, albedo=[])),
+    (ValueError, "albedo = materials", lambda: litpt.Scene(QUAD, albedo="materials")),
+    (ValueError, "faces: has masked", lambda: litpt.Scene((QUAD[0], np.ma.masked_equal(QUAD[1], 3)))),
+    (ValueError, "normals: has masked", lambda: litpt.Scene(QUAD).irradiance(ROWS, np.ma.masked_equal(UP, 0))),
+    (ValueError, r"normals: expected shape \(3,\)", lambda: litpt.Scene(QUAD).irradiance(ROWS, [0, 1])),
+    (FileNotFoundError, "./-x.obj", lambda: litpt.Scene("-x.obj")),
+    (FileNotFoundError, "./-", lambda: litpt.Scene("-")),
+    (ValueError, "progress = 5", lambda: litpt.Scene(QUAD).vertex_irradiance(progress=5)),
+    (ValueError, "path = '-'", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=4).save("-")),
+    (OSError, "cannot create", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=4).save("/proc/a.csv")),
+    (ValueError, "quantity = 'intersects_first'", lambda: next(litpt.Scene(QUAD).steps("intersects_first", ROWS, ROWS))),
+    (ValueError, r"faces\[1\]: expected shape", lambda: litpt.Scene((QUAD[0], [[0, 1, 2], 3]))),
+    (ValueError, r"faces\[1\]: 0 corners", lambda: litpt.Scene((QUAD[0], [[0, 1, 2], []]))),
+    (ValueError, "faces: a face of -1", lambda: litpt.Scene(types.SimpleNamespace(points=QUAD[0], faces=[-1, 0, 1, 2]))),
+    (ValueError, "size = 8x6", lambda: litpt.Scene(QUAD).render(size="8x6.5")),
+    (ValueError, "their sum is 0", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=64).weighted_mean(np.zeros(4))),
+    (ValueError, "weights: has masked", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=64).weighted_mean(np.ma.masked_equal([1., 1, 1, 0], 0))),
     (OSError, "nowhere.obj", lambda: litpt.Scene("nowhere.obj")),
     (ValueError, "mesh: expected", lambda: litpt.Scene(7)),
     (ValueError, "faces: there is none", lambda: litpt.Scene((QUAD[0], []))),
@@ -544,7 +590,7 @@ ROWS = np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]])
     (ValueError, "normals: 1, but points: 2", lambda: litpt.Scene(QUAD).irradiance(ROWS, [UP])),
     (ValueError, "side = top", lambda: litpt.Scene(QUAD).face_irradiance("top")),
     (ValueError, "samples = -4", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=-4)),
-    (ValueError, "samples ends after", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=slice(0, 9), of=4)),
+    (ValueError, "samples = slice", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=slice(0, 9), of=4)),
     (ValueError, "of = 4", lambda: litpt.Scene(QUAD).vertex_irradiance(samples=2, of=4)),
     (ValueError, "error = 0", lambda: litpt.Scene(QUAD).vertex_irradiance(error=0)),
     (ValueError, "error is missing", lambda: litpt.Scene(QUAD).vertex_irradiance(norm="max")),
@@ -568,6 +614,11 @@ def test_faults_name_what_is_wrong(kind, text, fault):
         fault()
     assert re.search(text, str(told.value)), told.value
     assert "--" not in str(told.value)
+
+
+def test_a_path_with_hyphens_is_told_whole():
+    with pytest.raises(OSError, match="^.Errno 2. a--spp-b.obj: cannot read"):
+        litpt.Scene("a--spp-b.obj")
 
 
 def test_warnings_are_python_s():
