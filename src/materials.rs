@@ -234,8 +234,7 @@ impl AlbedoTable {
             let (numbers, albedos) = (vec![], vec![first]);
             return Ok(Self { numbers, albedos, mean: first });
         }
-        let mut table = Self::default();
-        let mut numbered = HashMap::new();
+        let (mut table, mut numbered) = (Self::default(), HashMap::new());
         let (mut sum, mut area_sum) = (0., 0.);
         bvh.for_each(|slot, &[a, b, c]| {
             let albedo = faces.of(bvh.face(slot));
