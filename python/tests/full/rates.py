@@ -221,18 +221,18 @@ class Bench:
         """What is measured: a name, threads, a unit, and how."""
         for threads in (None, 1):
             for kind in RAYS_OF:
-                yield f"intersects_first; rays {kind}", threads, "rays/s", (
+                yield f"first hits; rays {kind}", threads, "million rays/s", (
                     lambda k=kind, t=threads: self.number("rays_of_litpt", k, threads=t))
             for words in (["--faces", "-n", "4", "-o", "x.csv"],
                           ["-d", "640x480", "-n", "8", "-o", "x.pfm"]):
                 kind = "faces" if "--faces" in words else "a camera"
-                yield f"pt; paths from {kind}", threads, "rays/s", (
+                yield f"pt; paths from {kind}", threads, "million rays/s", (
                     lambda w=words, t=threads: self.pt_rate(w, t))
         for kind in RAYS_OF:
-            yield f"embreex; rays {kind}", 1, "rays/s", (
+            yield f"embreex; rays {kind}", 1, "million rays/s", (
                 lambda k=kind: self.number("rays_of_trimesh", k, "ray_pyembree", RAYS))
         # Once, since its tree alone takes many seconds
-        yield "trimesh; 200 rays random in the box", 1, "rays/s", functools.cache(
+        yield "trimesh; 200 rays random in the box", 1, "million rays/s", functools.cache(
             lambda: self.number("rays_of_trimesh", "random in the box",
                                 "ray_triangle", 200))
         yield "arrays to the first value", None, "s", lambda: self.number("first_value")
@@ -282,20 +282,20 @@ def main():
         for number in range(options.rounds):
             for *key, work in rows:
                 print(f"\rround {number + 1}: {key[0]:60}", end="", file=sys.stderr)
-                found[tuple(key)].append(work())
+                part = 1e6 if key[2].startswith("million") else 1
+                found[tuple(key)].append(work() / part)
         print("\r" + " " * 72 + "\r", end="", file=sys.stderr)
-    table = [(name, threads or "default", f"{statistics.median(values):.4g}",
-              f"{min(values):.4g}", f"{max(values):.4g}", unit)
+    table = [(name + (" on one thread" if threads else ""), unit,
+              *(f"{f(values):.4g}" for f in (statistics.median, min, max)))
              for (name, threads, unit), values in found.items()]
-    for name, threads, *values, unit in table:
-        print(f"{name:52} {threads:>8} {values[0]:>10} {unit:7}"
-              f" ({values[1]} to {values[2]})")
+    for name, unit, median, least, most in table:
+        print(f"{name:62} {median:>8} {unit:14} ({least} to {most})")
     if options.output:
         with open(options.output, "w", newline="") as file:
             words = " ".join(sys.argv[1:])
             print(f"# {machine()}, by python/tests/full/rates.py {words}", file=file)
             writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["what", "threads", "median", "least", "most", "unit"])
+            writer.writerow(["what", "unit", "median", "least", "most"])
             writer.writerows(table)
 
 
