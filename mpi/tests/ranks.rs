@@ -88,7 +88,8 @@ fn ranks_render_a_part_of_a_run() {
         run(&place, 3, &part).succeeded();
     }
     let parts = ["a.litpt", "b.litpt", "c.litpt"].map(|n| place.path(n));
-    let film = merge(&parts).unwrap().film;
+    let states = parts.map(|path| Checkpoint::of_file(&path));
+    let film = merge(states).unwrap().film;
     let whole = Image::read(&place.path("a.pfm")).unwrap().means;
     let means = film.means().map(|x| f64::from(x as f32));
     assert!(means.eq(whole));
