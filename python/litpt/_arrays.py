@@ -57,9 +57,9 @@ def mesh(source):
         points, polygons = source.points, counted(source)
     else:
         raise ValueError(
-            "mesh: expected a path, (vertices, faces), or an object with both, "
-            f"not {type(source)}; of pyvista pass grid.extract_surface(), of "
-            "meshio (mesh.points, mesh.cells_dict['triangle'])")
+            "mesh: expected a path, (vertices, faces), or an object with "
+            f"both, not {type(source)}; of pyvista pass extract_surface(), "
+            "of meshio (mesh.points, mesh.cells_dict['triangle'])")
     return numbers("vertices", points, (None, 3)), *faces(polygons)
 
 

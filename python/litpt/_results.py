@@ -180,8 +180,8 @@ class Result(Estimate):
                              f"more axes before, not {weights.shape}")
         sizes, means = self._blocks
         if len(sizes) < 4:
-            raise ValueError("weights: pixels, and places with fewer than four "
-                             "blocks of samples, have no error of a sum")
+            raise ValueError("weights: pixels, and places with fewer than "
+                             "four blocks of samples, have no error of a sum")
         axes = tuple(range(-n, 0))
         total = lambda values: np.where(weights, weights * values, 0).sum(axes)
         sums = np.array([total(block) for block in means])
@@ -191,7 +191,8 @@ class Result(Estimate):
 
     def weighted_mean(self, weights):
         """The same, with weights that are divided by their sum."""
-        weights = weights if np.ma.is_masked(weights) else np.asarray(weights, float)
+        if not np.ma.is_masked(weights):
+            weights = np.asarray(weights, float)
         axes = tuple(range(-min(self.value.ndim, weights.ndim), 0))
         sums = weights.sum(axes, keepdims=True)
         if not np.all(sums):

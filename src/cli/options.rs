@@ -149,7 +149,7 @@ pub struct SensorOptions {
     /// sky, and give .png and .exr an opacity; no horizon is seen if --ground is
     /// the same
     #[arg(long, value_name = "RADIANCE", conflicts_with = "receivers",
-          value_parser = only(parse_share, |x| (0. ..=1e9).contains(x), BACKGROUND))]
+          value_parser = only(parse_share, |&x| 0. <= x && x <= 1e9, GREY))]
     pub background: Option<f64>,
 
     /// Compute the irradiance at the points of a file, lines x y z nx ny nz, in

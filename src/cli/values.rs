@@ -108,7 +108,7 @@ pub const ANGLE: &str = "expected an angle strictly between 0 and 180";
 
 pub const ALBEDO: &str = "expected an albedo between 0 and 1";
 
-pub const BACKGROUND: &str = "expected a radiance from 0 to 1e9";
+pub const GREY: &str = "expected a radiance from 0 to 1e9";
 
 pub const POSITIVE: &str = "expected a number greater than zero";
 
