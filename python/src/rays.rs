@@ -9,7 +9,7 @@ use glam::DVec3;
 use litpt::bvh::{BEAM, Batch, Bvh, Dispatch, GROUND, Intersector};
 use litpt::host::Host;
 use litpt::numerics::normalise;
-use litpt::plan::{Budget, CameraPlan, Plan, SensorPlan};
+use litpt::plan::{Budget, CameraPlan, Plan, SensorPlan, Stand};
 use litpt::scene::{Frame, Ray};
 use litpt::world::Geometry;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
@@ -66,8 +66,9 @@ pub fn hits<'py>(
     let (from, to) = (vectors(origins), vectors(directions));
     let rays: Vec<_> = from.into_iter().zip(to).collect();
     // Prepare a world of one pixel with as many samples as there are rays
-    let resolution = (1, 1);
-    let camera = CameraPlan { resolution, ..CameraPlan::default() };
+    let stand = Stand::At(DVec3::ZERO, DVec3::Y);
+    let camera =
+        CameraPlan { resolution: (1, 1), stand, ..CameraPlan::default() };
     plan.sensor = SensorPlan::Camera(camera);
     plan.budget = Budget::samples(rays.len().max(1) as u64);
     let (mut faces, mut places) = (vec![], vec![]);

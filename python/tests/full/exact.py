@@ -1,8 +1,12 @@
 """First hits of rays, decided without rounding errors.
 
 Each triangle is tested for each ray in double precision, with a bound on the
-errors. Where the bound leaves a doubt, fractions decide. Copyright and licence
-as in test_rays.py.
+errors. Where the bound leaves a doubt, fractions decide.
+
+Copyright (C) 2026 litpt contributors
+Copying and distribution of this file, with or without modification, are
+permitted in any medium without royalty provided the copyright notice and this
+notice are preserved. This file is offered as-is, without any warranty.
 """
 from fractions import Fraction
 
