@@ -157,7 +157,7 @@ impl Rendering {
         let image =
             py.detach(|| on_threads(self.record.plan.threads, filter))?;
         Ok(image.map(|image| {
-            let errors = image.errors.into_iter().flatten().map(f64::from);
+            let errors = image.errors.into_iter().flatten();
             [image.means, errors.collect()]
                 .map(|list| PyArray1::from_vec(py, list))
         }))
