@@ -235,7 +235,7 @@ class Result(Estimate):
         pairs = list(zip(self.value.flat[:5], self.stderr.flat[:5]))
         rows = [f"<tr><td>{i}<td>{rounded(*p)}" for i, p in enumerate(pairs)]
         if self.value.size > 5:
-            rows.append(f"<tr><td>…<td>{self.value.size} in all")
+            rows.append(f"<tr><td>...<td>{self.value.size} in all")
         facts = html.escape(self._facts())
         return f"<table><caption>{facts}</caption>{''.join(rows)}</table>"
 
