@@ -56,6 +56,9 @@ class Estimate:
         is_number = _is_number(number)
         return self * (1 / np.asarray(number)) if is_number else NotImplemented
 
+    def __getitem__(self, index):
+        return Estimate(self.value[index], self.stderr[index])
+
     def __format__(self, form):
         return format(self.value, form) if form else repr(self)
 

@@ -282,6 +282,7 @@ def test_arithmetic_keeps_errors_or_is_refused(points):
     assert np.array_equal((np.arange(40) * result).stderr, np.arange(40) * result.stderr)
     assert f"{result.weighted_mean(np.ones(40)):.3f}" == f"{result.value.mean():.3f}"
     assert np.array_equal(np.asarray(result), result.value)
+    assert (result[3].value, lux[3:5].stderr[1]) == (result.value[3], lux.stderr[4])
     for refused in [lambda: result - result, lambda: result * result, lambda: result + 1, lambda: result / result,
                     lambda: result * None, lambda: result + np.zeros(40), lambda: np.sqrt(result)]:
         with pytest.raises(TypeError):
