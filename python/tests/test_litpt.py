@@ -266,8 +266,8 @@ def test_sums_by_weights_have_the_error_that_repeated_runs_show(points):
     values = np.array([m.value for m in means]).reshape(2, 12, 2)
     stated = np.array([m.stderr for m in means]).reshape(2, 12, 2)
     ratio = values.var(axis=1, ddof=1) / (stated ** 2).mean(axis=1)
-    # The quantiles of F(11, 12 x 5) at 1e-4 / 2, divided among four ratios.
-    assert (0.08 < ratio).all() and (ratio < 5.2).all(), ratio
+    # The quantiles 1e-4 / 8 and 1 - 1e-4 / 8 of F(11, 12 x 5): four ratios.
+    assert (0.0649 < ratio).all() and (ratio < 5.147).all(), ratio
     plain = room.irradiance(points, UP, samples=512)
     assert plain.weighted_mean(np.ones(40)).value == pytest.approx(plain.value.mean(), rel=1e-12)
 
