@@ -19,12 +19,14 @@
 
 mod errors;
 mod fragments;
+mod rows;
 mod sums;
 mod tile;
 
 pub use errors::{ErrorNorm, NEIGHBOUR_WEIGHT, Summary};
 pub(crate) use fragments::best_of;
 pub use fragments::{Fragment, Fragments, TileFragments};
+pub use rows::{Contribution, Entry};
 pub use sums::{Film, FilmTile, Gathered, HalfBuffers};
 pub use sums::{Samples, Watch, add_samples};
 pub(crate) use sums::{UNIT, add_halves};

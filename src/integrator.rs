@@ -7,6 +7,7 @@
 //! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod gather;
+pub mod tally;
 
 use std::borrow::Cow;
 
@@ -44,6 +45,12 @@ pub trait Integrator: Sync {
         false
     }
 
+    /// Whether it does not matter where a path that has left a first surface
+    /// meets another, but only which one.
+    fn needs_only_surfaces(&self) -> bool {
+        false
+    }
+
     /// Continues a path from the end of its ray: a hit, or the sky.
     fn advance(
         &self,
@@ -51,6 +58,25 @@ pub trait Integrator: Sync {
         hit: Option<Hit>,
         sampler: &mut impl Sampler,
     ) -> PathEvent;
+
+    /// The parts of the rows of a tally, among which replicates are divided
+    /// in turn, and the columns of each; no part without a tally.
+    fn row_parts(&self) -> (u64, u32) {
+        (0, 0)
+    }
+
+    /// The column of a tally to which a path that has ended belongs, and its
+    /// weight there, if it has one. It has ended at this hit, or in the sky,
+    /// with this contribution.
+    #[inline(always)]
+    fn tally(
+        &self,
+        _path: &Self::Path,
+        _hit: Option<&Hit>,
+        _contribution: f64,
+    ) -> Option<(u32, f64)> {
+        None
+    }
 }
 
 /// Something that adds samples to a film: by paths

@@ -21,6 +21,7 @@ use crate::render::choose::Sampling;
 use crate::scene::encoding::quoted;
 use crate::sensor::Side;
 use crate::sky::Sky;
+use crate::tally::Tally;
 
 /// The values that decide the samples of a run. A run goes on from a
 /// checkpoint of the same key; states are merged if their keys differ only
@@ -64,6 +65,9 @@ pub struct Subject {
     /// Albedo of the ground, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ground: Option<f64>,
+    /// What the light is sorted by, if it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tally: Option<Tally>,
 }
 
 /// What senses the light of a scene.
@@ -210,6 +214,9 @@ impl RunKey {
     pub fn film_of(&self, window: Window, first: u64) -> Film {
         let mut film = self.sampling.film(self.subject.sensed.film(window));
         (film.run_window, film.sample_offset) = (self.windows()[0], first);
+        if let Some(tally) = &self.subject.tally {
+            film = film.with_rows(tally.is_of_surfaces());
+        }
         if self.filtered { film.with_halves(None) } else { film }
     }
 }

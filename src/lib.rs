@@ -57,6 +57,8 @@ pub mod inputs;
 pub mod integrator;
 pub mod key;
 pub mod materials;
+pub mod matrix;
+
 pub mod memory;
 pub mod numerics;
 pub mod output;
@@ -72,4 +74,6 @@ pub mod sensor;
 pub mod sky;
 pub mod state;
 pub mod statistics;
+pub mod tally;
+
 pub mod world;

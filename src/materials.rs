@@ -181,18 +181,8 @@ impl FaceAlbedos {
         // Reject a name that is not in the file
         if let Some(unknown) = is_used.iter().position(|used| !used) {
             let (name, albedo) = &named.named_albedos[unknown];
-            let kinds =
-                [MarkKind::Material, MarkKind::Group, MarkKind::Object];
-            let there =
-                kinds.into_iter().flat_map(|kind| names(marks, kind));
-            let there: Vec<_> = there.take(8).map(quoted).collect();
-            let name = quoted(name);
-            let there = there.join(", ");
-            return Err(format!(
-                "no material, group or object is called {name} (--albedo \
-                 {name}={albedo}); there are: {there}"
-            )
-            .into());
+            let option = format!("--albedo {}={albedo}", quoted(name));
+            return Err(unknown_name(marks, name, &option).into());
         }
         Ok(Self { stretches })
     }
@@ -209,6 +199,18 @@ impl FaceAlbedos {
             self.stretches.partition_point(|&(first, _)| first <= face);
         self.stretches[after - 1].1
     }
+}
+
+/// Reports that nothing has a name, which an option has given.
+pub fn unknown_name(marks: &[Mark], name: &str, option: &str) -> String {
+    let kinds = [MarkKind::Material, MarkKind::Group, MarkKind::Object];
+    let there = kinds.into_iter().flat_map(|kind| names(marks, kind));
+    let there: Vec<_> = there.take(8).map(quoted).collect();
+    let (name, there) = (quoted(name), there.join(", "));
+    format!(
+        "no material, group or object is called {name} ({option}); there \
+         are: {there}"
+    )
 }
 
 /// The albedos of the triangles of a hierarchy, if there are several.

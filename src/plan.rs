@@ -38,6 +38,7 @@ use crate::film::{MAX_SIDE, SIDE, Window};
 use crate::image::Format;
 use crate::key::{Part, whole_window};
 use crate::materials::Band;
+use crate::matrix::MatrixFormat;
 use crate::output::descriptor;
 pub use crate::render::choose::Budget;
 use crate::render::choose::{Method, default_samples};
@@ -46,6 +47,7 @@ use crate::scene::Mesh;
 use crate::sensor::Side;
 use crate::sensor::table::TableFormat;
 use crate::sky::Cover;
+use crate::tally::{Surface, Tally};
 
 /// What a run does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,6 +63,9 @@ pub struct Plan {
     pub surfaces: SurfacePlan,
     /// Where light comes from.
     pub sky: SkyPlan,
+    /// What the light is sorted by, if it is not only summed.
+    #[serde(default)]
+    pub tally: Option<Tally>,
     /// When the run ends.
     pub budget: Budget,
     /// The part of the run that is rendered, if it is not all of it.
@@ -102,6 +107,7 @@ impl Default for Plan {
                 zenith: None,
                 ground: None,
             },
+            tally: None,
             budget: Budget::samples(default_samples(false)),
             part: None,
             method: None,
@@ -234,6 +240,8 @@ pub enum Product {
     Report(Kind),
     /// The values of receivers, in this format.
     Table(TableFormat),
+    /// The entries of a tally, in this format.
+    Matrix(MatrixFormat),
     /// The state of the run.
     State,
 }
@@ -268,6 +276,9 @@ pub struct Outputs {
     pub exposure: Option<Exposure>,
     /// Whether pictures are filtered.
     pub filter: bool,
+    /// Whether view factors are made reciprocal and closed.
+    #[serde(default)]
+    pub closed: bool,
     /// The root mean square error of the picture, relative to the mean of
     /// all but the sky, at which the run ends.
     #[serde(default)]
@@ -287,6 +298,7 @@ impl Default for Outputs {
             preview: false,
             exposure: None,
             filter: true,
+            closed: false,
             picture_error: None,
             defaults: String::new(),
         }
@@ -395,6 +407,14 @@ impl Plan {
             || self.outputs.files.iter().any(|(p, _)| p.has_hash())
     }
 
+    /// Whether both sides of faces are receivers.
+    pub fn has_sides(&self) -> bool {
+        let SensorPlan::Faces { side, .. } = self.sensor else {
+            return false;
+        };
+        side == Side::Both
+    }
+
     /// Whether the plan states where up is.
     pub fn says_up(&self) -> bool {
         self.up.or(self.sky.zenith).is_some()
@@ -432,7 +452,42 @@ impl Plan {
         let error = error.map_or(1., |(error, _)| error);
         require(error > 0., "error", error, "expected more than 0")?;
         self.camera().map_or(Ok(()), CameraPlan::check)?;
+        self.tally.as_ref().map_or(Ok(()), |it| self.check_tally(it))?;
+        let is_square = self.tally
+            == Some(Tally::ViewFactors(Surface::Faces))
+            && matches!(self.sensor, SensorPlan::Faces { .. });
+        let wanted = "needs faces as rows and as columns of view factors";
+        let closed = self.outputs.closed;
+        require(!closed || is_square, "closed", closed, wanted)?;
+
         self.part.map_or(Ok(()), |part| self.check_part(part))
+    }
+
+    /// Checks that the receivers can have this tally.
+    fn check_tally(&self, tally: &Tally) -> Result<()> {
+        let is_uniform = self.sky.cover == Cover::Uniform;
+        let has_patches = !matches!(tally, Tally::Derivative(_));
+        let is_nets = self.method.is_none_or(|m| m == Method::Sobol);
+        let (name, value) = tally.named();
+        let fault = match &self.sensor {
+            SensorPlan::Camera(_) => "needs receivers, points or faces",
+            SensorPlan::Vertices if tally.is_of_surfaces() => {
+                "needs points or faces, and not vertices"
+            }
+            SensorPlan::Faces { radiosity: true, .. } => {
+                "sorts what arrives, and not the radiosity"
+            }
+            _ if has_patches && !is_uniform => {
+                "needs the uniform sky, whose light does not matter"
+            }
+            _ if !is_nets => "is sampled by the method sobol alone",
+            _ => match tally {
+                Tally::SkyPatches(1 | 2 | 4) => return Ok(()),
+                Tally::SkyPatches(_) => "expected 1, 2 or 4",
+                _ => return Ok(()),
+            },
+        };
+        require(false, name, value, fault)
     }
 
     /// Checks that the part of the run exists.

@@ -18,9 +18,9 @@ use rayon::prelude::*;
 
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
+use crate::film::{Contribution, Entry, Samples, add_halves, add_samples};
 use crate::film::{Film, FilmTile, HalfBuffers, Tile, Watch};
 use crate::film::{Fragments, TileFragments};
-use crate::film::{Samples, add_halves, add_samples};
 use crate::integrator::{Integrator, PathEvent};
 pub use crate::integrator::{RankStats, Renderer};
 use crate::sampler::{IndependentSampler, Sampler};
@@ -73,6 +73,19 @@ struct Pass<'a, K, E, S> {
     watch: &'a Watch<'a>,
 }
 
+/// Values of the pixels of a tile.
+#[derive(Default)]
+struct TilePart {
+    /// Their sums.
+    pixels: Vec<Accumulator>,
+    /// The rows of a tally, if there is one.
+    rows: Vec<Vec<Entry>>,
+    /// The halves of the fragments, if these are kept.
+    halves: Vec<HalfBuffers>,
+    /// The number of rays.
+    rays: u64,
+}
+
 /// Paths that a thread has under way.
 const IN_FLIGHT: usize = 4;
 
@@ -97,7 +110,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
     /// were, if the pass is stopped or there is nothing to do.
     fn add(
         &self,
-        FilmTile { tile, pixels, halves, fragments, .. }: FilmTile,
+        FilmTile { tile, pixels, rows, halves, fragments, .. }: FilmTile,
         values: Range<u64>,
         parts: u64,
     ) -> Option<u64> {
@@ -123,12 +136,15 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             };
             let parts = (0..count.div_ceil(size)).into_par_iter();
             let done: Option<Vec<_>> = parts.map(render).collect();
-            for (part, part_halves, more) in done? {
-                for (pixel, sum) in pixels.iter_mut().zip(&part) {
+            for part in done? {
+                for (pixel, sum) in pixels.iter_mut().zip(&part.pixels) {
                     pixel.merge(sum);
                 }
-                add_halves(halves, &part_halves);
-                rays += more;
+                for (row, more) in rows.iter_mut().zip(&part.rows) {
+                    Entry::add_all(row, more);
+                }
+                add_halves(halves, &part.halves);
+                rays += part.rays;
             }
         }
         let samples = count * self.job.sampler.net_size();
@@ -136,15 +152,14 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         Some(rays)
     }
 
-    /// Renders the values of these numbers of the pixels of a tile. Returns
-    /// their sums, their halves if these are kept, and the number of rays;
-    /// none if it was stopped.
+    /// Renders the values of these numbers of the pixels of a tile; none if it
+    /// was stopped.
     fn fill(
         &self,
         tile: Tile,
         values: Range<u64>,
         fragments: Option<&Fragments>,
-    ) -> Option<(Vec<Accumulator>, Vec<HalfBuffers>, u64)> {
+    ) -> Option<TilePart> {
         let trace = |samples| {
             let intersector = self.job.intersector;
             let trace = Trace { pass: self, tile, samples, fragments };
@@ -152,23 +167,36 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         };
         let net_size = self.job.sampler.net_size();
         if net_size == 1 && fragments.is_none() {
-            return trace(values)
-                .map(|(sums, _, rays)| (sums, vec![], rays));
+            return trace(values).map(|Traced { pixels, rays, .. }| {
+                TilePart { pixels, rays, ..TilePart::default() }
+            });
         }
-        let mut sums = vec![Accumulator::default(); tile.area()];
         let kept = fragments.map_or(0, |it| it.count(&tile));
-        let mut halves = vec![HalfBuffers::default(); kept];
-        let mut rays = 0;
+        let mut part = TilePart {
+            pixels: vec![Accumulator::default(); tile.area()],
+            halves: vec![HalfBuffers::default(); kept],
+            ..TilePart::default()
+        };
+        let (parts, columns) = self.job.integrator.row_parts();
+        let mut sums = vec![];
         for value in values {
-            let (net, sorted, more) =
-                trace(value * net_size..(value + 1) * net_size)?;
-            for (sum, net) in sums.iter_mut().zip(&net) {
+            let net = trace(value * net_size..(value + 1) * net_size)?;
+            for (sum, net) in part.pixels.iter_mut().zip(&net.pixels) {
                 sum.add(net.mean());
             }
-            add_samples(&mut halves, value, &sorted);
-            rays += more;
+            add_samples(&mut part.halves, value, &net.sorted);
+            part.rays += net.rays;
+            if parts > 0 {
+                let contributions =
+                    Contribution::sums(net.contributions).into_iter();
+                let k = value % parts;
+                sums.extend(contributions.map(|s| s.in_part(k, columns)));
+            }
         }
-        Some((sums, halves, rays))
+        if parts > 0 {
+            part.rows = Entry::rows(&mut sums, tile.area());
+        }
+        Some(part)
     }
 
     /// Begins the paths of a `batch`, each given by the number of a pixel in
@@ -182,7 +210,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         mut batch: impl Iterator<Item = (u32, u64)>,
         tile: Tile,
         fragments: Option<&TileFragments>,
-        ended: &mut impl FnMut(u32, Option<u32>, f64),
+        ended: &mut impl FnMut((u32, Option<u32>), f64, Tallied),
     ) -> u64 {
         let Job { sensor, known_pixels, integrator, .. } = self.job;
         // Choose a point of the image for each path
@@ -222,7 +250,10 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
                     begun.push(flight);
                 }
                 PathEvent::Terminate(contribution) => {
-                    ended(pixel, fragment, contribution);
+                    let hit = hits[i].as_ref();
+                    let tallied =
+                        integrator.tally(&path, hit, contribution);
+                    ended((pixel, fragment), contribution, tallied);
                 }
             }
         }
@@ -238,12 +269,26 @@ struct Trace<'a, K, E, S> {
     fragments: Option<&'a Fragments>,
 }
 
+/// The samples of the pixels of a tile.
+struct Traced {
+    /// The sums of the pixels.
+    pixels: Vec<Accumulator>,
+    /// The samples of its fragments, if these are kept.
+    sorted: Vec<Samples>,
+    /// The contributions of the samples in a tally.
+    contributions: Vec<Contribution>,
+    /// The number of rays.
+    rays: u64,
+}
+
+/// The column of a path that has ended, and its weight, if it has one.
+type Tallied = Option<(u32, f64)>;
+
 impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
     for Trace<'_, K, E, S>
 {
-    /// The sums of the pixels, and the number of rays; none if it was
-    /// stopped.
-    type Output = Option<(Vec<Accumulator>, Vec<Samples>, u64)>;
+    /// None if it was stopped.
+    type Output = Option<Traced>;
 
     fn with<L: Intersector>(self, intersector: &L) -> Self::Output {
         let Self { pass, tile, samples, fragments } = self;
@@ -252,10 +297,14 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
         let fragments = fragments.as_ref();
         let kept = fragments.map_or(0, |it| it.count);
         let mut sorted = vec![Samples::default(); kept];
-        let count = pixels.len() as u32;
-        let mut ended = |pixel: u32, fragment: Option<u32>, value: f64| {
+        let (count, mut contributions) = (pixels.len() as u32, vec![]);
+        let mut ended = |(pixel, fragment): (u32, _), value, tallied| {
             pixels[pixel as usize].add(value);
-            if let Some(fragment) = fragment {
+            if let Some((column, weight)) = tallied {
+                contributions
+                    .push(Contribution::new(pixel, column, weight));
+            }
+            if let Some::<u32>(fragment) = fragment {
                 let (sums, count) = &mut sorted[fragment as usize];
                 sums[0] += value;
                 *count += 1;
@@ -268,6 +317,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
         let mut under_way = Vec::with_capacity(IN_FLIGHT);
         let (mut rays, mut turns) = (0, 0u64);
         let is_black = pass.job.integrator.is_black();
+        let is_plain = pass.job.integrator.needs_only_surfaces();
         loop {
             // Start queued paths
             if begun.is_empty() && to_begin.peek().is_some() {
@@ -287,7 +337,12 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
                 under_way.push(flight);
             }
             if under_way.is_empty() && to_begin.peek().is_none() {
-                return Some((pixels, sorted, rays));
+                return Some(Traced {
+                    pixels,
+                    sorted,
+                    contributions,
+                    rays,
+                });
             }
             turns += 1;
             if turns.is_multiple_of(256) && !(pass.watch)(0) {
@@ -301,16 +356,25 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
                     let (point, normal) = (ray.origin, ray.direction);
                     let hit = Hit { point, normal, primitive: 0 };
                     intersector.is_occluded(ray, Some(*from)).then_some(hit)
+                } else if is_plain {
+                    let met = intersector.first_primitive(ray, Some(*from));
+                    let (point, normal) = (ray.origin, -ray.direction);
+                    met.map(|primitive| Hit { point, normal, primitive })
                 } else {
                     intersector.first_hit(ray, Some(*from))
                 };
-                match pass.job.integrator.advance(path, hit, sampler) {
+                let integrator = &pass.job.integrator;
+                match integrator.advance(path, hit, sampler) {
                     PathEvent::Scatter(next, left) => {
                         (*ray, *from) = (next, left);
                         return true;
                     }
                     PathEvent::Terminate(contribution) => {
-                        ended(flight.pixel, flight.fragment, contribution);
+                        let hit = hit.as_ref();
+                        let tallied =
+                            integrator.tally(path, hit, contribution);
+                        let place = (flight.pixel, flight.fragment);
+                        ended(place, contribution, tallied);
                     }
                 }
                 begun.pop().map(|next| *flight = next).is_some()

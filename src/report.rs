@@ -33,7 +33,7 @@ use crate::image::{Image, extension};
 use crate::output::descriptor;
 use crate::render_loop::CurvePoint;
 pub(crate) use result::as_typed;
-pub use result::{Report, SceneFile, Settings, metric, slope};
+pub use result::{MatrixSize, Report, SceneFile, Settings, metric, slope};
 
 /// How a report becomes text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

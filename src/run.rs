@@ -38,7 +38,7 @@ use crate::image::{Image, Picture};
 use crate::inputs::in_first_rank;
 use crate::integrator::gather::Learnt;
 use crate::key::RunKey;
-use crate::memory::zeroed;
+use crate::memory::{reserved, zeroed};
 use crate::plan::{Budget, Plan, require};
 use crate::render::Renderer;
 use crate::render::choose::samples_if_known;
@@ -48,6 +48,7 @@ use crate::report::{Report, Settings, metric};
 use crate::state::checkpoint::Checkpoint;
 use crate::state::learnt;
 use crate::statistics::Accumulator;
+use crate::tally::Columns;
 use crate::world::{Geometry, World};
 
 /// The states of earlier runs: the state of this run, which continues, and
@@ -279,6 +280,23 @@ impl<'a> Run<'a> {
             let bytes = metric(64. * sums as f64);
             Error::Memory(format!(
                 "too little memory: {bytes}B more are needed"
+            ))
+        })?;
+        let columns = self.world.columns.as_ref();
+        columns.map_or(Ok(()), |it| self.ask_for_rows(it, area))
+    }
+
+    /// Fails if there is no memory for the rows of a tally, of which each sample
+    /// may fill an entry.
+    fn ask_for_rows(&self, columns: &Columns, rows: usize) -> Result<()> {
+        let width = u64::from(columns.count) * columns.tally.parts();
+        let filled = self.goal().map_or(width, |n| n.min(width));
+        let entries = filled.saturating_mul(rows as u64) as usize;
+        reserved::<[u128; 2]>(entries).map(drop).map_err(|_| {
+            let (count, bytes) = (columns.count, metric(32. * entries as f64));
+            Error::Memory(format!(
+                "a matrix of {rows} x {count} can take {bytes}B, and there is \
+                 too little memory (fewer samples or columns)"
             ))
         })
     }

@@ -6,7 +6,9 @@
 
 use std::cell::{LazyCell, OnceCell};
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::io::{self, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -21,6 +23,7 @@ use crate::film::{Film, Fragments};
 use crate::filter::{Filtered, fragments, surface_means};
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
 use crate::key::{Subject, entries};
+use crate::matrix::Matrix;
 use crate::output::OutputTarget;
 use crate::plan::{Outputs, Product};
 use crate::render_loop::Convergence;
@@ -47,6 +50,8 @@ pub struct RunOutput<'a> {
     pub record: RunRecord,
     /// By how much PNG files are brighter, if it is given.
     exposure: Option<Exposure>,
+    /// Whether view factors are made reciprocal and closed.
+    closes: bool,
     /// The world that is shown; none for a sum of parts.
     world: Option<&'a World>,
     /// What the pixels show, once that is needed.
@@ -80,8 +85,10 @@ impl<'a> RunOutput<'a> {
         world: Option<&'a World>,
     ) -> Self {
         let now = Instant::now();
-        let &Outputs { checkpoint_interval, preview, exposure, .. } =
-            outputs;
+        let &Outputs {
+            checkpoint_interval, preview, exposure, closed, ..
+        } = outputs;
+        let closes = closed;
         let every = Duration::try_from_secs_f64(checkpoint_interval);
         let every = every.unwrap_or(Duration::MAX);
         let file = |(product, target)| {
@@ -90,13 +97,14 @@ impl<'a> RunOutput<'a> {
                 Product::Report(_) => Some(now),
                 Product::Image(Format::Png) => preview.then_some(now),
                 Product::Image(_) | Product::Table(_) => None,
+                Product::Matrix(_) => None,
             };
             RunFile { product, target, due, seconds: 0. }
         };
         let files = files.into_iter().map(file).collect();
         let shown = OnceCell::new();
         let first = None;
-        Self { files, every, record, exposure, world, shown, first }
+        Self { files, every, record, exposure, closes, world, shown, first }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -111,7 +119,7 @@ impl<'a> RunOutput<'a> {
         now: Option<Instant>,
     ) -> Result<()> {
         let &mut Self { world, exposure, .. } = self;
-        let Self { files, every, record, shown, first, .. } = self;
+        let Self { files, every, record, shown, first, closes, .. } = self;
         let camera = world.filter(|world| world.table().is_none());
         record.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
@@ -150,9 +158,29 @@ impl<'a> RunOutput<'a> {
         let opacity =
             cut.map(|world| shown.get_or_init(|| trace(world)).opacity());
         let opacity = opacity.as_deref();
+        // Make the matrix of a tally
+        let is_list = |it: &Product| {
+            matches!(it, Product::Matrix(_) | Product::Table(_))
+        };
+        let shows = due.iter().any(is_list);
+        let of_world = world.filter(|_| shows);
+        let mut matrix = of_world.and_then(|world| world.matrix(film));
+        if let Some(matrix) = matrix.as_mut().filter(|_| *closes) {
+            matrix.close()?;
+        }
+        let sorted = matrix.as_ref().filter(|it| it.columns.count > 1);
+        record.report.matrix = sorted.map(Matrix::size);
         let record = &*record;
-        let shown =
-            Shown { record, film, world, filtered, opacity, stops, auto };
+        let shown = Shown {
+            record,
+            film,
+            world,
+            matrix,
+            filtered,
+            opacity,
+            stops,
+            auto,
+        };
         let report = LazyCell::new(|| record.report.complete(film));
         let mut failures = vec![];
         for file in files.iter_mut().filter(|file| is_due(file)) {
@@ -199,6 +227,7 @@ impl<'a> RunOutput<'a> {
             Product::Report(Kind::Html) => 350.,
             Product::Report(_) => 0.,
             Product::Table(_) => 1000.,
+            Product::Matrix(_) => 40_000.,
             Product::State => state,
         });
         let files: f64 = each.sum();
@@ -251,6 +280,13 @@ fn expose(
     [stops, is_exr.then(|| *auto)]
 }
 
+/// The name of a scene without its folder and its extension.
+fn zone(file: &str) -> &str {
+    let name = Path::new(file).file_name().and_then(OsStr::to_str);
+    let name = name.unwrap_or(file);
+    name.split_once('.').map_or(name, |(name, _)| name)
+}
+
 /// What the files of one moment show.
 struct Shown<'f> {
     record: &'f RunRecord,
@@ -258,6 +294,8 @@ struct Shown<'f> {
     world: Option<&'f World>,
     filtered: Option<&'f Image>,
     opacity: Option<&'f [f64]>,
+    /// The matrix of a tally, if a file shows it.
+    matrix: Option<Matrix<'f>>,
     /// The stops by which a PNG is brighter, and those that an EXR records.
     stops: Option<f64>,
     auto: Option<f64>,
@@ -306,8 +344,17 @@ impl Shown<'_> {
                 };
                 let counts = record.allocation();
                 let values = table.values(receivers, film, counts);
-                table.write(format, &values, out)
+                let slopes = self.matrix.as_ref().map(Matrix::first_cells);
+                table.write(format, &values, slopes.as_deref(), out)
             }
+            Product::Matrix(format) => match &self.matrix {
+                Some(matrix) => matrix.write(
+                    format,
+                    zone(&record.report.scene.file),
+                    out,
+                ),
+                None => Ok(()),
+            },
             Product::State => save(record, film, out),
         }
     }

@@ -26,13 +26,14 @@ use crate::analysis::{LitView, SHORTCUTS, SceneAnalysis};
 use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, direction, typed};
 use crate::error::Result;
-use crate::film::{SIDE, tile_height};
+use crate::film::{Film, SIDE, tile_height};
 use crate::host::{Event, Host};
 use crate::image::levels::level;
 use crate::inputs::Inputs;
 use crate::integrator::gather::cache::Grid;
 use crate::key::{Framing, ReceiverSource, Sensed, Subject};
 use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
+use crate::matrix::Matrix;
 use crate::plan::{
     Budget, CameraPlan, Plan, SensorPlan, Stand, input_name, require,
 };
@@ -42,6 +43,7 @@ use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
 use crate::sky::{Cover, Sky};
+use crate::tally::Columns;
 
 /// A subject, the hierarchy of its scene, and the findings about both.
 pub struct World {
@@ -55,6 +57,8 @@ pub struct World {
     pub analysis: SceneAnalysis,
     /// The table for the values of receivers.
     table: Option<Table>,
+    /// The columns of a tally, if there is one.
+    pub columns: Option<Columns>,
     /// The first part of a report: the file, the light, how well the
     /// hierarchy is built, and the seconds of both.
     pub report: Report,
@@ -79,10 +83,31 @@ impl World {
         }
     }
 
+    /// The row of each receiver on the film of a tally, if it has one; none
+    /// without a tally.
+    pub fn rows(&self) -> Vec<Option<u32>> {
+        let (Some(_), Some((_, receivers))) = (&self.columns, self.table())
+        else {
+            return vec![];
+        };
+        let mut rows = vec![None; receivers.asked];
+        for (&number, y) in receivers.numbers.iter().zip(0..) {
+            rows[number as usize] = Some(y);
+        }
+        rows
+    }
+
+    /// The matrix of a tally on a film, if there is one.
+    pub fn matrix<'a>(&'a self, film: &'a Film) -> Option<Matrix<'a>> {
+        let columns = self.columns.as_ref()?;
+        Some(Matrix::new(columns, self.table()?.0, self.rows(), film))
+    }
+
     /// What renderers of this world are made from.
     pub fn setup(&self) -> Setup<'_> {
         let Self { geometry, analysis, .. } = self;
-        Setup { intersector: &geometry.bvh, view: self.view(), analysis }
+        let (view, columns) = (self.view(), self.columns.as_ref());
+        Setup { intersector: &geometry.bvh, view, analysis, columns }
     }
 }
 
@@ -151,7 +176,8 @@ impl World {
         let mut subject = subject(plan, mesh, named, asked);
         note_camera(plan, &subject, host);
         let light = light(plan, mesh, &subject);
-        let seconds = inputs.seconds;
+        let (seconds, shared) = (inputs.seconds, inputs.mesh.clone());
+        let named_mesh = plan.tally.as_ref().map(|tally| (tally, shared));
         // Place the sensor in the frame of the scene
         let is_elsewhere = match plan.sensor {
             SensorPlan::Camera(_) | SensorPlan::Points(_) => true,
@@ -173,6 +199,13 @@ impl World {
             }
         };
         let Geometry { frame, bvh, left_out, quality, .. } = &*geometry;
+        // Find the columns of a tally
+        let columns = named_mesh.map(|(tally, mesh)| {
+            let (zenith, has_sides) =
+                (subject.sky.zenith, plan.has_sides());
+            Columns::new(tally, (&mesh, bvh), &faces, zenith, has_sides)
+        });
+        let columns = columns.transpose()?;
         // Sort the receivers and finish the world
         if let (Some(table), Sensor::Receivers(receivers)) =
             (&table, &mut sensor)
@@ -204,6 +237,7 @@ impl World {
             geometry,
             analysis: SceneAnalysis::default(),
             table,
+            columns,
             report,
         };
         world.analyse(plan, host);
@@ -364,7 +398,8 @@ fn subject(
         }
     };
     let (albedo, ground) = (plan.surfaces.albedo, plan.sky.ground);
-    Subject { sensed, albedo, named, sky, ground }
+    let tally = plan.tally.clone();
+    Subject { sensed, albedo, named, sky, ground, tally }
 }
 
 /// The view of a camera, which may be placed outside the mesh.

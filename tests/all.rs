@@ -48,6 +48,7 @@ mod shards;
 mod sobol;
 mod statistics;
 mod stiff;
+mod tally;
 mod tiny;
 mod trace;
 mod traversal;

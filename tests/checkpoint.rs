@@ -53,7 +53,7 @@ fn state() -> (Convergence, Film) {
 fn known() -> RunRecord {
     let report = Report { convergence: state().0, ..Report::default() };
     let (plan, learnt) = (Plan::default(), Arc::default());
-    RunRecord { plan, run_key: run_key(), report, learnt }
+    RunRecord { plan, run_key: run_key(), report, rows: vec![], learnt }
 }
 
 fn saved() -> Vec<u8> {

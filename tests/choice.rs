@@ -44,7 +44,8 @@ fn chosen(
         (setting.job(0).intersector, setting.view(SIZE));
     let none = &Default::default();
     let analysis = &SceneAnalysis::find(none, intersector, &view, &[]);
-    Setup { intersector, view, analysis }.choose(&request)
+    let columns = None;
+    Setup { intersector, view, analysis, columns }.choose(&request)
 }
 
 fn seen(mesh: &Mesh, albedo: f64, view: (DVec3, DVec3)) -> Setting {

@@ -228,7 +228,13 @@ fn put(place: &Scratch, name: &str, facts: Value) {
     let mut report = Report::default();
     report.convergence.spp = 8;
     let (film, plan) = (run_key.film(), Plan::default());
-    let known = RunRecord { plan, run_key, report, learnt: Arc::default() };
+    let known = RunRecord {
+        plan,
+        run_key,
+        report,
+        rows: vec![],
+        learnt: Arc::default(),
+    };
     let mut file = fs::File::create(place.path(name)).unwrap();
     save(&known, &film, &mut file).unwrap();
 }

@@ -28,7 +28,7 @@ fn compare(
     let view = setting.view(SIZE);
     let none = &Default::default();
     let analysis = &SceneAnalysis::find(none, intersector, &view, &[]);
-    let setup = Setup { intersector, view, analysis };
+    let setup = Setup { intersector, view, analysis, columns: None };
     let pixels = Pixels::of_image(SIZE);
     let mut sampling = Sampling::new(method, 5, Some(SAMPLES), pixels);
     sampling.control = 30;

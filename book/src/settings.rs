@@ -89,8 +89,12 @@ impl Setting {
         let film = Film::cropped(resolution, window, false);
         let mut film = sampling.film(film);
         let start = Instant::now();
-        let setup =
-            Setup { intersector: &intersector, view, analysis: &analysis };
+        let setup = Setup {
+            intersector: &intersector,
+            view,
+            analysis: &analysis,
+            columns: None,
+        };
         let mut renderer =
             setup.renderer(sampling, Arc::default(), &SingleProcess);
         let rays = renderer.pass(&mut film, n, &|_| true);

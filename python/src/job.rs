@@ -82,8 +82,8 @@ impl Shared {
         let limits = Limits { interrupt, ..run.limits() };
         let report = run.report();
         let Run { key: run_key, learnt, mut renderer, .. } = run;
-        let plan = plan.clone();
-        let record = RunRecord { run_key, plan, report, learnt };
+        let (plan, rows) = (plan.clone(), world.rows());
+        let record = RunRecord { run_key, plan, report, rows, learnt };
         let whole = |film, convergence: &Convergence, blocks: &Blocks| {
             let mut record = record.clone();
             record.report.convergence.clone_from(convergence);

@@ -4,30 +4,39 @@
 //! The command `ptimg`: show and compare images, and add states.
 
 use std::collections::BTreeSet;
-use std::env;
+use std::{env, fs};
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::{Args, Parser, Subcommand};
+use glam::DVec3;
 use serde_json::{Value, json};
 
 use litpt::cli::files::keep_the_place;
 use litpt::cli::options::{LICENCE, parse_words};
 use litpt::cli::progress;
 use litpt::cli::run::fail;
+use litpt::cli::values::{parse_range, parse_real, parse_share};
 use litpt::compare::display::{
     self, AUTO_EXPOSURE, Curve, Exposure, auto_stops, seeming_surfaces,
 };
 use litpt::compare::{compare, disagreements};
 use litpt::error::{Error, Result};
 use litpt::image::{Format, Image, OPACITY};
+use litpt::matrix::daylight::Daylight as Coefficients;
+use litpt::matrix::daylight::{
+    Demand, Illuminance, Interval, SkyMatrix, Year,
+};
 use litpt::output::{OutputTarget, descriptor, format_of, refuse_aliases};
 use litpt::plan::{Outputs, Product};
 use litpt::report::Kind;
 use litpt::run_output::RunOutput;
-use litpt::state::checkpoint::Checkpoint;
+use litpt::state::checkpoint::{Checkpoint, RunRecord};
 use litpt::state::shards::{self, is_state_name};
+use litpt::tally::patches::Patches;
+use litpt::tally::{REPLICATES, Tally};
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
 
@@ -139,6 +148,10 @@ enum Verb {
         #[arg(long)]
         partial: bool,
     },
+    /// Multiply daylight coefficients with the sky of a year: daylight autonomy
+    /// and useful daylight of each sensor, and the spatial daylight autonomy,
+    /// with intervals that cover the truth in 95 of 100 runs
+    Daylight(Daylight),
     /// Show the standard error of each pixel as grey, in .png or .pgm
     Stderr {
         /// Image to read
@@ -152,6 +165,60 @@ enum Verb {
         #[arg(short, long)]
         relative: bool,
     },
+}
+
+#[derive(Clone, Debug, Args)]
+struct Daylight {
+    /// State of pt --sky-patches, of -o a.litpt or --checkpoint
+    #[arg(value_name = "STATE")]
+    state: PathBuf,
+
+    /// Sky matrix of gendaymtx -O0, of text or binary numbers
+    #[arg(value_name = "SKY")]
+    sky: PathBuf,
+
+    /// Table of the sensors to write, .csv
+    #[arg(short, long, value_name = "OUT", default_value = "-")]
+    output: PathBuf,
+
+    /// Table to write of the illuminance in lux of each sensor at each hour
+    /// that counts, .csv
+    #[arg(long, value_name = "FILE")]
+    illuminance: Option<PathBuf>,
+
+    /// Hours of each day that count, the first and the one after the last; or
+    /// a file with 0 or 1 for each time step
+    #[arg(long, value_name = "A..B|FILE", default_value = "8..18")]
+    hours: String,
+
+    /// Illuminance in lux that suffices
+    #[arg(long, value_name = "LUX", default_value = "300",
+          value_parser = parse_real)]
+    enough: f64,
+
+    /// Part of the hours in which it must suffice for the spatial daylight
+    /// autonomy
+    #[arg(long, value_name = "PART", default_value = "0.5",
+          value_parser = parse_share)]
+    part: f64,
+
+    /// Illuminances in lux between which daylight is useful
+    #[arg(long, value_name = "LUX..LUX", default_value = "100..3000",
+          value_parser = parse_interval)]
+    useful: (f64, f64),
+
+    /// Overwrite files that exist
+    #[arg(short, long)]
+    force: bool,
+}
+
+/// Two numbers with two dots between, the smaller first.
+fn parse_interval(text: &str) -> Result<(f64, f64), String> {
+    let ends =
+        text.split_once("..").ok_or("expected two numbers around ..")?;
+    let (least, most) = (parse_real(ends.0)?, parse_real(ends.1)?);
+    let fault = "expected the smaller number first";
+    (least <= most).then_some((least, most)).ok_or(fault.to_owned())
 }
 
 #[derive(Clone, Debug, Args)]
@@ -252,6 +319,7 @@ fn run(verb: &Verb) -> Result<ExitCode> {
         Verb::Merge { files, to, report, partial } => {
             merge(files, to, report, *partial)?;
         }
+        Verb::Daylight(asked) => daylight(asked)?,
         Verb::Stderr { input, to, relative } => {
             // Show the standard errors
             let targets = to.targets(&GREY)?;
@@ -410,6 +478,128 @@ fn merge(
     let outputs = Outputs::default();
     let mut output = RunOutput::new(targets, &outputs, merged.record, None);
     output.write(&convergence, &merged.film, None)
+}
+
+/// Multiplies daylight coefficients with a sky.
+fn daylight(asked: &Daylight) -> Result<()> {
+    let Daylight { state, sky, output, illuminance, .. } = asked;
+    let read = [state, sky].into_iter().map(PathBuf::as_path);
+    let written = illuminance.iter().chain([output]);
+    refuse_aliases(read, written.map(PathBuf::as_path))?;
+    let target = OutputTarget::file(output, asked.force)?;
+    let hourly = illuminance.as_ref();
+    let hourly = hourly
+        .map(|path| OutputTarget::file(path, asked.force))
+        .transpose()?;
+    // Read the coefficients and the sky
+    let mut checkpoint = Checkpoint::of_file(state)?;
+    let RunRecord { run_key, rows, .. } = checkpoint.record.clone();
+    let tally = run_key.subject.tally.as_ref();
+    let Some(&Tally::SkyPatches(factor)) = tally else {
+        let fault = "holds no daylight coefficients, of pt --sky-patches";
+        return Err(Error::from(fault).of_file(state));
+    };
+    let mut film = run_key.film();
+    checkpoint.fill(&mut film)?;
+    let bytes = fs::read(sky).map_err(Error::cannot("read", sky))?;
+    let year = SkyMatrix::read(&bytes).map_err(|e| e.of_file(sky))?;
+    let steps = steps(&asked.hours, year.steps)?;
+    let columns = (Patches::new(factor, DVec3::Z).count(), REPLICATES);
+    let coefficients = Coefficients { film: &film, rows: &rows, columns };
+    let &Daylight { enough, part, useful, .. } = asked;
+    let demand = Demand { enough, useful: useful.into(), hours: part };
+    let found = Year::new(&coefficients, &year, &steps, demand)
+        .map_err(|error| error.of_file(sky))?;
+    // Write the tables
+    target.write(&mut |out| {
+        writeln!(out, "row,da,da_low,da_high,udi,udi_low,udi_high")?;
+        for (n, sensor) in (1..).zip(&found.sensors) {
+            let Some([da, udi]) = sensor else { continue };
+            let words =
+                [da, udi].map(|Interval { value, ends: [a, b] }| {
+                    format!("{value},{a},{b}")
+                });
+            writeln!(out, "{n},{}", words.join(","))?;
+        }
+        Ok(())
+    })?;
+    if let Some(hourly) = hourly {
+        hourly.write(&mut |out| {
+            writeln!(out, "row,step,lux,stderr")?;
+            for sensor in 0..rows.len() {
+                let Some(replicates) = coefficients.replicates(sensor)
+                else {
+                    continue;
+                };
+                let light = Illuminance::new(&replicates, &year, &steps);
+                let errors = light.standard_errors();
+                let lines = steps.iter().zip(light.lux.iter().zip(errors));
+                for (step, (lux, error)) in lines {
+                    writeln!(
+                        out,
+                        "{},{step},{lux:.4},{error:.4}",
+                        sensor + 1
+                    )?;
+                }
+            }
+            Ok(())
+        })?;
+    }
+    let Interval { value, ends: [a, b] } = found.spatial;
+    let [value, a, b, part] = [value, a, b, part].map(|part| 100. * part);
+    let line = format!(
+        "sDA {value:.1} % of the sensors, from {a:.1} to {b:.1} %, have \
+         {enough} lux in {part} % of {} hours",
+        steps.len()
+    );
+    progress::inform(&line);
+    Ok(())
+}
+
+/// The time steps that count, of so many.
+fn steps(hours: &str, count: usize) -> Result<Vec<usize>> {
+    let fault = |fault: String| Error::value("hours", hours, fault);
+    let counts: Vec<bool> = match parse_range(hours) {
+        Ok((from, to)) if to <= 24 => {
+            if !count.is_multiple_of(24) {
+                let text = format!(
+                    "the sky has {count} steps, and no whole days: a file of \
+                     0 and 1 tells which of them count"
+                );
+                return Err(fault(text));
+            }
+            let hour = |step: usize| (step % 24) as u64;
+            (0..count)
+                .map(|step| (from..to).contains(&hour(step)))
+                .collect()
+        }
+        Ok(_) => return Err(fault("a day has 24 hours".to_owned())),
+        Err(_) => {
+            let text = fs::read_to_string(hours)
+                .map_err(Error::cannot("read", hours))?;
+            let number = |word: &str| match word {
+                "0" | "0.0" => Ok(false),
+                "1" | "1.0" => Ok(true),
+                other => {
+                    Err(fault(format!("'{other}' is neither 0 nor 1")))
+                }
+            };
+            let words = text.split(|c: char| c.is_whitespace() || c == ',');
+            let words = words.filter(|word| !word.is_empty());
+            words.map(number).collect::<Result<_>>()?
+        }
+    };
+    let steps = counts.iter().enumerate().filter(|(_, counts)| **counts);
+    let steps: Vec<_> = steps.map(|(step, _)| step).collect();
+    if counts.len() != count {
+        let text =
+            format!("{} steps, and the sky has {count}", counts.len());
+        return Err(fault(text));
+    }
+    if steps.is_empty() {
+        return Err(fault("no step counts".to_owned()));
+    }
+    Ok(steps)
 }
 
 /// Reads an image and warns of its faults.

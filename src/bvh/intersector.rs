@@ -57,6 +57,12 @@ pub trait Intersector: Sync + Sized {
         hit.map_or(NONE, |hit| hit.primitive) == target
     }
 
+    /// The triangle other than `from` that `ray` meets first, or the ground: the
+    /// same as that of `first_hit(ray, from)`, and perhaps found faster.
+    fn first_primitive(&self, ray: &Ray, from: Option<u32>) -> Option<u32> {
+        Some(self.first_hit(ray, from)?.primitive)
+    }
+
     /// Does `work` with the intersector that answers fastest for this one.
     fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
         work.with(self)

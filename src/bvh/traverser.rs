@@ -133,6 +133,18 @@ macro_rules! traverse {
 
             $(#[target_feature(enable = $features)])*
             #[inline(never)]
+            unsafe fn nearest_slot(&self, ray: &Ray, from: Option<u32>) -> u32 {
+                let slots = (from, NONE);
+                // SAFETY: as above.
+                unsafe {
+                    walk::<$kernel, $n, false, true, false>(&self.wide, ray, slots)
+                        .map(|search| search.slot)
+                        .unwrap_or_else(|| self.again::<false>(ray, slots).slot)
+                }
+            }
+
+            $(#[target_feature(enable = $features)])*
+            #[inline(never)]
             unsafe fn beam(
                 &self,
                 rays: &Batch<Ray>,
@@ -169,6 +181,19 @@ macro_rules! traverse {
                 // Whatever meets no triangle may meet the ground.
                 let falls = || self.below(ray).is_some();
                 met == wanted && (target < GROUND || falls() == (target == GROUND))
+            }
+
+            fn first_primitive(&self, ray: &Ray, from: Option<u32>) -> Option<u32> {
+                let (entered, from) = match from {
+                    Some(GROUND..) => (self.wide.region.enter(ray), None),
+                    _ => (Some(*ray), from),
+                };
+                let slot = entered.map_or(NONE, |ray| {
+                    // SAFETY: as above.
+                    unsafe { self.nearest_slot(&ray, from) }
+                });
+                let ground = || self.below(ray).map(|_| GROUND);
+                Some(slot).filter(|&slot| slot != NONE).or_else(ground)
             }
 
             fn below(&self, ray: &Ray) -> Option<Hit> {

@@ -25,6 +25,7 @@ use crate::materials::Band;
 use crate::scene::encoding::shortened;
 use crate::sensor::Side;
 use crate::sky::Cover;
+use crate::tally::Surface;
 
 /// Renders a Wavefront OBJ of diffuse surfaces under a sky, or computes how
 /// much light arrives at points and on faces.
@@ -169,6 +170,38 @@ pub struct SensorOptions {
     #[arg(long, group = "receivers")]
     pub vertices: bool,
 
+    /// Compute view factors from each face or point instead of its irradiance:
+    /// the shares of the cosine-weighted directions that first meet each face,
+    /// or the faces of each material, object or group; then sky and ground
+    #[arg(long, value_name = "COLUMNS", requires = "receivers",
+          hide_possible_values = true,
+          conflicts_with_all = ["sky_patches", "derivative"])]
+    pub view_factors: Option<Surface>,
+
+    /// Write the nearest view factors that are reciprocal and sum to 1; for
+    /// --faces --view-factors faces
+    #[arg(long)]
+    pub closed: bool,
+
+    /// Compute daylight coefficients: the irradiance for a radiance of 1 of the
+    /// ground and of each patch of Reinhart's sky, 144 N N + 1 for N = 1, 2 or 4
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "receivers",
+        conflicts_with = "derivative"
+    )]
+    pub sky_patches: Option<u32>,
+
+    /// Write .mtx in binary numbers of single precision
+    #[arg(long, requires = "sky_patches")]
+    pub binary: bool,
+
+    /// Compute also the derivative of each value by the albedo of a material,
+    /// group or object, as columns d_value and d_stderr of .csv
+    #[arg(long, value_name = "NAME", requires = "receivers")]
+    pub derivative: Option<String>,
+
     /// Report the radiosity of faces instead of their irradiance
     #[arg(long, requires = "faces",
           conflicts_with_all = ["points", "vertices"])]
@@ -231,7 +264,8 @@ pub struct LimitOptions {
 #[command(next_help_heading = "Output")]
 pub struct OutputOptions {
     /// File to write: an image, .pgm, .png, .pfm or .exr; values of receivers,
-    /// .csv, .ply or, of vertices, .obj; or the state of the run, .litpt, as
+    /// .csv, .ply or, of vertices, .obj; view factors, .csv, .vf (View3D), .svf
+    /// (uDALES) or .json (EnergyPlus); coefficients, .csv or .mtx (Radiance); or the state of the run, .litpt, as
     /// --checkpoint does; may be repeated [default: -, standard output, or on a
     /// terminal a PNG beside the scene]
     #[arg(short, long, value_name = "FILE")]

@@ -15,6 +15,7 @@ use crate::error;
 use crate::film::ErrorNorm;
 use crate::image::Format;
 use crate::key::Part;
+use crate::matrix::MatrixFormat;
 use crate::output::{descriptor, format_of, refuse_aliases};
 use crate::plan::{Budget, Outputs, Plan, Product, SensorPlan};
 use crate::plan::{Stand, is_dash};
@@ -23,6 +24,7 @@ use crate::report::Kind;
 use crate::sensor::table::TableFormat;
 use crate::sky::{Cover, Sky};
 use crate::state::shards::is_state_name;
+use crate::tally::Tally;
 
 /// The first option that has changed a value, if one has.
 struct Change(Option<&'static str>);
@@ -113,6 +115,12 @@ impl Options {
         change.set("zenith", &mut zenith, scene.zenith);
         sky.zenith = scene.zenith.or(sky.zenith);
         change.set("seed", &mut plan.seed, limits.seed);
+        let tally = sensor.view_factors.map(Tally::ViewFactors);
+        let tally = tally.or(sensor.sky_patches.map(Tally::SkyPatches));
+        let tally =
+            tally.or(sensor.derivative.clone().map(Tally::Derivative));
+        let name = tally.as_ref().map_or("", |tally| tally.named().0);
+        change.set(name, &mut plan.tally, tally.map(Some));
         change.set("cache", &mut plan.cache, parts.cache.clone().map(Some));
         self.sense(plan, &mut change);
         change.0
@@ -171,6 +179,7 @@ impl Options {
         new.preview |= outputs.preview;
         new.exposure = outputs.exposure.or(new.exposure);
         new.filter &= !outputs.no_filter;
+        new.closed |= self.sensor.closed;
         let interval = parts.checkpoint_interval;
         new.checkpoint_interval =
             interval.unwrap_or(new.checkpoint_interval);
@@ -266,17 +275,24 @@ impl Options {
         let usual = self.outputs.format.unwrap_or(Format::Pgm);
         let has_vertices = plan.sensor == SensorPlan::Vertices;
         let is_list = plan.camera().is_none();
+        let is_matrix = |it: &&Tally| !matches!(it, Tally::Derivative(_));
+        let matrix = plan.tally.as_ref().filter(is_matrix);
         let (states, mut images): (Vec<_>, Vec<_>) =
             named.iter().cloned().partition(|path| is_state_name(path));
         if named.is_empty() {
             images.push("-".into());
         }
         let image = |path: PathBuf| {
-            let product = match is_list {
-                true => {
+            let product = match matrix {
+                Some(tally) => {
+                    let kind =
+                        (plan.points().is_none(), self.sensor.binary);
+                    Product::Matrix(MatrixFormat::of(&path, tally, kind)?)
+                }
+                None if is_list => {
                     Product::Table(TableFormat::of(&path, has_vertices)?)
                 }
-                false => Product::Image(format_of(&path, usual)?),
+                None => Product::Image(format_of(&path, usual)?),
             };
             Ok((product, path))
         };

@@ -220,7 +220,9 @@ fn render(
     let renderer = &mut *ranks.lead(renderer, &key, film.fragments.clone());
     // Prepare the files of the run
     let (run_key, saved) = (key.clone(), plan.saved(&directory));
-    let record = RunRecord { run_key, plan: saved, report, learnt };
+    let (plan_saved, rows) = (saved, world.rows());
+    let record =
+        RunRecord { run_key, plan: plan_saved, report, rows, learnt };
     let mut output =
         RunOutput::new(files.targets, &plan.outputs, record, Some(world));
     output.first = first;
@@ -341,7 +343,7 @@ pub fn warn_of_receivers(world: &World, film: &Film, host: Host) {
     let means = receivers.numbers[first..].iter().zip(film.means());
     let dark = means.filter(|(_, mean)| *mean == 0.);
     let dark: BTreeSet<_> = dark.map(|(number, _)| number).collect();
-    if dark.len() as u64 == film.area() {
+    if dark.len() as u64 == film.area() && !film.judges_rows {
         host.warn("no light arrives: does a face close each opening?");
     }
     let is_meant = |why, number| why == INSIDE && dark.contains(&number);

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 
 use super::sums::Film;
 use super::tile::Window;
-use crate::statistics::Accumulator;
 
 /// What is known about an image as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -32,12 +31,13 @@ impl Film {
         let few = self.samples() < 2 * self.net_size;
         // Sum numbers of all pixels over rows
         let rows = self.bands().flat_map_iter(|band| {
-            let means = self.values(band, 0., |_, p| p.mean()).into_iter();
+            let means =
+                self.values(band, 0., |_, at| self.pixels[at].mean());
             let errors = match few {
                 true => vec![DVec2::INFINITY; band.area()],
                 false => self.errors_and_variances(NEIGHBOUR_WEIGHT, band),
             };
-            let pixels = means.zip(errors).map(|(mean, e)| {
+            let pixels = means.into_iter().zip(errors).map(|(mean, e)| {
                 DVec3::new(mean, e.x * e.x, f64::from(e.y == 0.))
             });
             let pixels: Vec<DVec3> = pixels.collect();
@@ -88,8 +88,9 @@ impl Film {
         // Compute the variances of the window and its frame
         let frame = window.grown(REACH, self.window);
         let variances =
-            self.values(frame, f64::INFINITY, |_, p| p.variance());
-        let counts = self.values(window, 0., |_, p| p.count() as f64);
+            self.values(frame, f64::INFINITY, |_, at| self.variance(at));
+        let count = |_, at: usize| self.pixels[at].count() as f64;
+        let counts = self.values(window, 0., count);
         let (width, columns) =
             (frame.size.0 as usize, window.size.0 as usize);
         let rows: Vec<&[f64]> = variances.chunks(width).collect();
@@ -157,7 +158,7 @@ impl Film {
     /// None if the pixels are independent.
     pub fn tile_errors(&self, window: Window) -> Option<Vec<f64>> {
         let Self { tiles, tile_means, .. } = self;
-        let error = |place: usize, _: &Accumulator| {
+        let error = |place: usize, _| {
             let root = (tiles[place].area() as f64).sqrt();
             root * tile_means[place].standard_error()
         };

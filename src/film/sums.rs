@@ -10,6 +10,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::fragments::Fragments;
+use super::rows::Entry;
 use super::tile::{SIDE, Tile, Window, tile_height};
 use super::tile::{along_curve, van_der_corput};
 use crate::memory::zeroed;
@@ -22,6 +23,8 @@ pub struct FilmTile<'a> {
     pub tile: Tile,
     /// Its pixels, row by row.
     pub pixels: &'a mut [Accumulator],
+    /// The rows of its pixels, or nothing if the film has none.
+    pub rows: &'a mut [Vec<Entry>],
     /// Its mean, if the film has one.
     pub mean: Option<&'a mut Accumulator>,
     /// The halves of its fragments, or nothing if the film has none.
@@ -52,6 +55,10 @@ pub struct Film {
     /// The pixels in the order in which they are stored: tile by tile, each
     /// row by row.
     pub pixels: Vec<Accumulator>,
+    /// The rows of a tally, in the same order; none without a tally.
+    pub rows: Vec<Vec<Entry>>,
+    /// Whether the error of a pixel is the largest of the entries of its row.
+    pub judges_rows: bool,
     /// The means of each tile, if its pixels share random numbers; else none.
     pub tile_means: Vec<Accumulator>,
     /// The halves of the fragments of each tile; none unless a picture is
@@ -168,6 +175,8 @@ impl Film {
             tiles,
             places,
             pixels,
+            rows: vec![],
+            judges_rows: false,
             tile_means: vec![],
             halves: vec![],
             fragments: None,
@@ -178,11 +187,13 @@ impl Film {
     pub fn tiles(&mut self) -> Vec<FilmTile<'_>> {
         let begun = self.pixels[0].count() > 0;
         let mut rest = &mut self.pixels[..];
+        let mut rows = &mut self.rows[..];
         let mut halves = self.halves.iter_mut();
         let mut means = self.tile_means.iter_mut();
         let part = |&tile: &Tile| FilmTile {
             tile,
             pixels: rest.split_off_mut(..tile.area()).unwrap_or_default(),
+            rows: rows.split_off_mut(..tile.area()).unwrap_or_default(),
             mean: means.next(),
             halves: halves
                 .next()
@@ -199,9 +210,14 @@ impl Film {
 
     /// The pixel of column `x` and row `y` of the image, in the window.
     pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
+        &self.pixels[self.at(x, y)]
+    }
+
+    /// The place in memory of this pixel, and of its row in a tally.
+    pub fn at(&self, x: u32, y: u32) -> usize {
         let tile = self.tile(x, y);
         let (column, row) = (x - tile.corner.0, y - tile.corner.1);
-        &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
+        tile.start + (row * tile.size.0 + column) as usize
     }
 
     /// The tile that holds it.
@@ -284,19 +300,19 @@ impl Film {
         self.pixels[self.tiles[place].start].count() > 0
     }
 
-    /// A value of each pixel of a window, row by row: `none` without a sample.
+    /// A value of each pixel of a window, row by row, given its tile and its
+    /// place: `none` without a sample.
     pub(super) fn values(
         &self,
         window: Window,
         none: f64,
-        of: impl Fn(usize, &Accumulator) -> f64,
+        of: impl Fn(usize, usize) -> f64,
     ) -> Vec<f64> {
         let mut values = Vec::with_capacity(window.area());
         // Append the values of a strip
         for (place, strip) in self.strips(window) {
-            let strip = &self.pixels[strip];
             match self.is_sampled(place) {
-                true => values.extend(strip.iter().map(|p| of(place, p))),
+                true => values.extend(strip.map(|at| of(place, at))),
                 false => values.resize(values.len() + strip.len(), none),
             }
         }
@@ -305,7 +321,7 @@ impl Film {
 
     /// The means of a window, row by row; not a number without a sample.
     pub fn means_of(&self, window: Window) -> Vec<f64> {
-        self.values(window, f64::NAN, |_, pixel| pixel.mean())
+        self.values(window, f64::NAN, |_, at| self.pixels[at].mean())
     }
 
     /// The samples of the pixels of a window, row by row, given those of each
@@ -315,7 +331,8 @@ impl Film {
         window: Window,
         net_sizes: Option<&[u32]>,
     ) -> Vec<f64> {
-        let counts = self.values(window, 0., |_, p| p.count() as f64);
+        let count = |_, at: usize| self.pixels[at].count() as f64;
+        let counts = self.values(window, 0., count);
         let sizes =
             net_sizes.map(|list| window.crop(list, self.run_window));
         let size = |i: usize| match &sizes {
@@ -351,6 +368,27 @@ impl Film {
     /// `samples`. It must be empty.
     pub fn with_net_size(self, samples: u64) -> Self {
         Self { net_size: samples, ..self }
+    }
+
+    /// The same film with a row of a tally for each pixel, by which its errors
+    /// are judged, or not. It must be empty.
+    pub fn with_rows(mut self, judges: bool) -> Self {
+        self.rows = vec![vec![]; self.pixels.len()];
+        self.judges_rows = judges;
+        self
+    }
+
+    /// The variance of one value of a pixel, or of the entry of its row that
+    /// has the largest.
+    pub(super) fn variance(&self, at: usize) -> f64 {
+        let pixel = &self.pixels[at];
+        if !self.judges_rows {
+            return pixel.variance();
+        }
+        let (n, size) = (pixel.count(), self.net_size);
+        let error = |entry: &Entry| entry.standard_error(n, size);
+        let most = self.rows[at].iter().map(error).fold(0., f64::max);
+        n as f64 * most * most
     }
 
     /// The same film, whose pixels share random numbers within a tile. It must
@@ -430,6 +468,11 @@ impl Film {
             let sums = &mut self.pixels[start..];
             let more = &part.pixels[tile.start..][..tile.area()];
             sums.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
+            if !self.rows.is_empty() {
+                let more = &part.rows[tile.start..][..tile.area()];
+                let rows = self.rows[start..].iter_mut().zip(more);
+                rows.for_each(|(row, more)| Entry::add_all(row, more));
+            }
             if let Some(mean) = part.tile_means.get(number) {
                 self.tile_means[place].merge(mean);
             }
@@ -447,6 +490,7 @@ impl Film {
         for sums in self.pixels.iter().chain(&self.tile_means) {
             out.write_all(&sums.to_bytes())?;
         }
+        self.rows.iter().try_for_each(|row| Entry::write(row, out))?;
         for halves in &self.halves {
             out.write_all(&(halves.len() as u16).to_le_bytes())?;
             let mut sums = halves.as_flattened().as_flattened().iter();
@@ -461,6 +505,9 @@ impl Film {
         for sums in self.pixels.iter_mut().chain(&mut self.tile_means) {
             from.read_exact(&mut bytes)?;
             *sums = Accumulator::from_bytes(&bytes);
+        }
+        for row in &mut self.rows {
+            *row = Entry::read(from)?;
         }
         for halves in &mut self.halves {
             let mut bytes = [0; 2];

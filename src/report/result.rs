@@ -16,6 +16,7 @@ use crate::filter::PictureError;
 use crate::key::{Part, Subject};
 use crate::render::choose::Method;
 use crate::render_loop::{Convergence, CurvePoint, Limits, Stop};
+use crate::tally::Tally;
 
 /// The file of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -71,6 +72,12 @@ fn keep_common<T: PartialEq>(value: &mut Option<T>, other: &Option<T>) {
 }
 
 impl Settings {
+    /// Whether its errors are those of view factors.
+    fn has_view_factors(&self) -> bool {
+        let tally = self.subject.as_ref().and_then(|s| s.tally.as_ref());
+        tally.is_some_and(Tally::is_of_surfaces)
+    }
+
     /// Whether receivers have values, and there is no image.
     fn has_receivers(&self) -> bool {
         self.subject.as_ref().is_some_and(|s| s.sensed.is_list())
@@ -86,6 +93,21 @@ impl Settings {
         keep_common(&mut self.threads, &part.threads);
         keep_common(&mut self.choice, &part.choice);
     }
+}
+
+/// The size of a matrix, and how it was closed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MatrixSize {
+    /// Its rows.
+    pub rows: usize,
+    /// Its columns.
+    pub columns: u32,
+    /// Its entries that are not zero.
+    pub entries: usize,
+    /// By how many standard errors closing has moved entries, at most and in
+    /// the mean, if it is closed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moves: Option<[f64; 2]>,
 }
 
 /// The data of a run, at its end or while it goes on.
@@ -133,6 +155,9 @@ pub struct Report {
     #[serde(rename = "measure")]
     #[serde(default, skip_serializing_if = "ErrorNorm::is_rms")]
     pub norm: ErrorNorm,
+    /// The entries of a tally, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub matrix: Option<MatrixSize>,
     /// How wrong the filtered picture is, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<PictureError>,
@@ -216,6 +241,17 @@ impl Report {
             }
             lines.insert(2, ("picture", text));
         }
+        if let Some(size) = self.matrix {
+            let MatrixSize { rows, columns, entries, moves } = size;
+            let size = format!("{rows} x {columns}, {entries} not zero");
+            let moved = moves.map_or(String::new(), |[most, mean]| {
+                format!(
+                    "; closing has moved them by {most:.1} errors at most, \
+                     {mean:.2} in the mean"
+                )
+            });
+            lines.insert(2, ("matrix", size + &moved));
+        }
         // Add lines on choices and omissions
         if !self.light.is_empty() {
             lines.push(("sky", self.light.clone()));
@@ -269,6 +305,12 @@ impl Report {
             );
         }
         let mean = with_error(last.mean, last.mean_stderr);
+        if self.matrix.is_some() && self.settings.has_view_factors() {
+            let error = rounded(last.rmse, 6);
+            return format!(
+                "{spp} spp, rmse {error} (largest of each row)"
+            );
+        }
         let value = match self.settings.has_receivers() {
             true => "irradiance",
             false => "radiance",

@@ -92,7 +92,7 @@ pub struct Table {
 pub type Value = ([f32; 2], f64);
 
 /// A text as a cell of CSV.
-fn cell(text: &str) -> String {
+pub(crate) fn cell(text: &str) -> String {
     let quoted = format!("\"{}\"", text.replace('"', "\"\""));
     if text.contains([',', '"']) { quoted } else { text.to_owned() }
 }
@@ -149,7 +149,8 @@ impl Table {
         }
     }
 
-    /// Writes the values of receivers.
+    /// Writes the values of receivers, and their derivatives if there are any;
+    /// only CSV holds these.
     ///
     /// # Errors
     /// They cannot be written.
@@ -157,10 +158,11 @@ impl Table {
         &self,
         format: TableFormat,
         values: &[Value],
+        slopes: Option<&[[f64; 2]]>,
         out: &mut dyn Write,
     ) -> io::Result<()> {
         match format {
-            TableFormat::Csv => self.csv(values, out),
+            TableFormat::Csv => self.csv(values, slopes, out),
             TableFormat::Ply => self.ply(values, out),
             TableFormat::Obj => self.obj(values, out),
         }
@@ -190,7 +192,12 @@ impl Table {
         values
     }
 
-    fn csv(&self, values: &[Value], out: &mut dyn Write) -> io::Result<()> {
+    fn csv(
+        &self,
+        values: &[Value],
+        slopes: Option<&[[f64; 2]]>,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
         let (place, more) = match self.shape {
             Shape::Points(..) => ("x,y,z,nx,ny,nz", ""),
             Shape::Vertices => ("vertex,x,y,z", ""),
@@ -198,7 +205,8 @@ impl Table {
                 ("face,side", "object,group,area,x,y,z,nx,ny,nz,")
             }
         };
-        writeln!(out, "{place},value,stderr,samples,{more}unit")?;
+        let by = if slopes.is_some() { "d_value,d_stderr," } else { "" };
+        writeln!(out, "{place},value,stderr,samples,{by}{more}unit")?;
         let unit = match self.albedos {
             Some(_) => "radiosity (horizontal irradiance in the open = 1)",
             None => "irradiance (horizontal in the open = 1)",
@@ -229,10 +237,26 @@ impl Table {
                     format!("{},{side}", face + 1)
                 }
             };
+            let by = slopes.map_or(String::new(), |slopes| {
+                let [slope, error] = slopes[i].map(|x| x as f32);
+                format!("{slope:?},{error:?},")
+            });
             let value = format!("{value:?},{error:?},{samples}");
-            writeln!(out, "{place},{value},{more}{unit}")?;
+            writeln!(out, "{place},{value},{by}{more}{unit}")?;
         }
         Ok(())
+    }
+
+    /// The area of each face; none of points.
+    pub fn areas(&self) -> Vec<f64> {
+        let Shape::Faces(faces) = &self.shape else { return vec![] };
+        let mut areas =
+            vec![0.; faces.last().map_or(0, |&f| f as usize + 1)];
+        for (face, corners) in faces.iter().zip(&self.mesh.triangles) {
+            let [a, b, c] = corners.map(|i| self.mesh.vertices[i as usize]);
+            areas[*face as usize] += 0.5 * cross(b - a, c - a).length();
+        }
+        areas
     }
 
     /// The area, centre and normal of a face, as columns with commas.

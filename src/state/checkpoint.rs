@@ -23,7 +23,7 @@ use crate::scene::encoding::shortened;
 use crate::state::learnt;
 
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 11\n";
+const MAGIC: &[u8] = b"litpt checkpoint 12\n";
 
 /// A run without its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -34,6 +34,10 @@ pub struct RunRecord {
     pub plan: Plan,
     /// The report, with the record of its passes so far.
     pub report: Report,
+    /// The row of each receiver on the film, if it has one; none without a
+    /// tally.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rows: Vec<Option<u32>>,
     /// The results of a training, which are not in that line.
     #[serde(skip)]
     pub learnt: Arc<OnceLock<Learnt>>,

@@ -128,7 +128,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let window = Window { corner: (0, 0), size: resolution };
     // Sample as a run of this method does
     let analysis = &analysis;
-    let setup = Setup { intersector, view, analysis };
+    let setup = Setup { intersector, view, analysis, columns: None };
     let request = Request {
         method: Some(method),
         seed,

@@ -143,8 +143,9 @@ impl Dispatch for Pass<'_> {
         let end = end.div_ceil(net_size);
         // Render a tile and count its rays
         let render = |part: FilmTile| {
-            let FilmTile { tile, pixels, mut mean, halves, fragments } =
-                part;
+            let FilmTile {
+                tile, pixels, mut mean, halves, fragments, ..
+            } = part;
             let mut tracer = Tracer { fragments, ..prototype };
             for scramble in pixels[0].count()..end {
                 if !watch(0) {

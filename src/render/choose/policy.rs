@@ -118,6 +118,13 @@ impl Setup<'_> {
         request: &Request,
         saved: Option<Sampling>,
     ) -> (Sampling, Option<Choice>) {
+        if self.columns.is_some() {
+            // Place the samples of a tally in nets
+            let Request { seed, budget, .. } = request;
+            let error = budget.error.map(|(error, _)| error);
+            let new = Sampling::of_tally(*seed, request.bound(), error);
+            return (saved.unwrap_or(new), None);
+        }
         let is_known = self.analysis.known_pixels.is_all();
         let only = is_known.then_some(Method::Reference);
         let begun = saved.map(|saved| saved.method);

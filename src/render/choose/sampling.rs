@@ -14,12 +14,14 @@ use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::Bvh;
 use crate::film::{ErrorNorm, Film, Window};
 use crate::integrator::gather::{Correction, Gather, Learnt};
-use crate::integrator::{Communicator, PathTracer, identity};
+use crate::integrator::tally::TallyTracer;
+use crate::integrator::{Communicator, Integrator, PathTracer, identity};
 use crate::numerics::power_of_two;
 use crate::render::{Job, Renderer};
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler};
 use crate::sensor::Sensor;
+use crate::tally::{Columns, REPLICATES};
 
 /// How samples are made.
 #[derive(
@@ -119,6 +121,23 @@ impl Sampling {
         Self { method, seed, net_size, training, control, norm, glance }
     }
 
+    /// The sampling of a tally, whose rows have at least 32 replicates. Where
+    /// only an error is asked for, it is for an eighth of the samples that a
+    /// share of a half would take without nets.
+    pub fn of_tally(
+        seed: u64,
+        samples: Option<u64>,
+        error: Option<f64>,
+    ) -> Self {
+        let needed = error.map(|error| (0.25 / 8. / error.powi(2)) as u64);
+        let samples = samples.into_iter().chain(needed).min();
+        let most = (1 << 12) as u64;
+        let size = samples.unwrap_or(most) / REPLICATES;
+        let net_size = 1 << size.clamp(1, most).ilog2();
+        let none = Pixels { area: 0, is_list: true };
+        Self { net_size, ..Self::new(Method::Sobol, seed, None, none) }
+    }
+
     /// The same film, which has no sample, for these samples.
     pub fn film(&self, film: Film) -> Film {
         let film = film.with_net_size(self.net_size);
@@ -156,6 +175,8 @@ pub struct Setup<'a> {
     pub view: LitView<'a>,
     /// The analysis of the scene.
     pub analysis: &'a SceneAnalysis,
+    /// The columns of a tally, if there is one.
+    pub columns: Option<&'a Columns>,
 }
 
 /// A renderer of paths through a hierarchy.
@@ -170,6 +191,9 @@ impl<'a> Setup<'a> {
         learnt: Arc<OnceLock<Learnt>>,
         communicator: &'a dyn Communicator,
     ) -> Box<dyn Renderer + 'a> {
+        if let Some(columns) = self.columns {
+            return Box::new(self.tally(sampling, columns));
+        }
         match sampling.method {
             Method::Reference => Box::new(self.independent(sampling)),
             Method::Sobol => Box::new(self.in_nets(sampling)),
@@ -210,7 +234,8 @@ impl<'a> Setup<'a> {
         &self,
         sampling: &Sampling,
     ) -> PathJob<'a, IndependentSampler> {
-        self.job(0, IndependentSampler::new(sampling.seed))
+        let sampler = IndependentSampler::new(sampling.seed);
+        self.job(self.paths(0), sampler)
     }
 
     /// The paths in nets of a sampling.
@@ -219,16 +244,34 @@ impl<'a> Setup<'a> {
         sampling: &Sampling,
     ) -> PathJob<'a, SobolSampler> {
         let &Sampling { seed, net_size, control, .. } = sampling;
-        self.job(control, SobolSampler::new(seed, net_size))
+        self.job(self.paths(control), SobolSampler::new(seed, net_size))
     }
 
-    /// The renderer of paths, with a control variate in per cent.
-    fn job<S: Sampler>(&self, control: u64, sampler: S) -> PathJob<'a, S> {
-        let &Self { intersector, view, analysis } = self;
-        let integrator = PathTracer {
-            control: control as f64 / 100.,
-            ..PathTracer::new(view.surfaces, view.sky)
-        };
+    /// The paths in nets of a sampling, sorted into columns.
+    fn tally(
+        &self,
+        &Sampling { seed, net_size, .. }: &Sampling,
+        columns: &'a Columns,
+    ) -> Job<'a, Bvh, TallyTracer<'a>, SobolSampler> {
+        let (paths, bvh) = (self.paths(0), self.intersector);
+        let tracer = TallyTracer { paths, columns, bvh };
+        self.job(tracer, SobolSampler::new(seed, net_size))
+    }
+
+    /// The path tracer, with a control variate in per cent.
+    fn paths(&self, control: u64) -> PathTracer<'a> {
+        let LitView { surfaces, sky, .. } = self.view;
+        let control = control as f64 / 100.;
+        PathTracer { control, ..PathTracer::new(surfaces, sky) }
+    }
+
+    /// The renderer of paths.
+    fn job<E: Integrator, S: Sampler>(
+        &self,
+        integrator: E,
+        sampler: S,
+    ) -> Job<'a, Bvh, E, S> {
+        let &Self { intersector, view, analysis, .. } = self;
         let (sensor, known_pixels) = (view.sensor, &analysis.known_pixels);
         Job { sensor, intersector, integrator, known_pixels, sampler }
     }

@@ -1,0 +1,85 @@
+// Tangled from chapters/tally.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Paths whose ends are sorted into the columns of a tally.
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
+
+use glam::DVec3;
+
+use super::{Integrator, PathEvent, PathState, PathTracer};
+use crate::bvh::{Bvh, Hit};
+use crate::sampler::Sampler;
+use crate::tally::{Columns, Tally};
+
+/// A path tracer that also names the column of each path.
+pub struct TallyTracer<'a> {
+    /// Follows the paths.
+    pub paths: PathTracer<'a>,
+    /// The columns.
+    pub columns: &'a Columns,
+    /// The scene whose surfaces may be columns.
+    pub bvh: &'a Bvh,
+}
+
+impl Integrator for TallyTracer<'_> {
+    /// A path, and the derivative of the logarithm of its contribution by the
+    /// albedo of a surface.
+    type Path = (PathState, f64);
+
+    #[inline(always)]
+    fn begin(&self, direction: DVec3) -> Self::Path {
+        (self.paths.begin(direction), 0.)
+    }
+
+    #[inline(always)]
+    fn advance(
+        &self,
+        (path, slope): &mut Self::Path,
+        hit: Option<Hit>,
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
+        let is_first_ray = path.bounces == 1;
+        if is_first_ray && self.columns.tally.is_of_surfaces() {
+            // End at the first surface
+            let sky = || self.paths.sky.radiance(path.direction);
+            let seen = if hit.is_some() { 0. } else { sky() };
+            return PathEvent::Terminate(seen);
+        }
+        let event = self.paths.advance(path, hit, sampler);
+        if let (PathEvent::Scatter(..), Some(hit)) = (event, hit) {
+            *slope += self.columns.slope(hit.primitive);
+        }
+        event
+    }
+
+    fn needs_only_surfaces(&self) -> bool {
+        self.columns.tally.is_of_surfaces()
+    }
+
+    fn row_parts(&self) -> (u64, u32) {
+        (self.columns.tally.parts(), self.columns.count)
+    }
+
+    #[inline(always)]
+    fn tally(
+        &self,
+        (path, slope): &Self::Path,
+        hit: Option<&Hit>,
+        contribution: f64,
+    ) -> Option<(u32, f64)> {
+        let columns = self.columns;
+        match columns.tally {
+            Tally::ViewFactors(_) => {
+                let up = self.paths.sky.zenith.dot(path.direction);
+                let is_back = |hit: &Hit| self.bvh.is_on_back(hit);
+                Some((columns.seen(hit, up > 0., is_back), 1.))
+            }
+            Tally::SkyPatches(_) if hit.is_some() => None,
+            Tally::SkyPatches(_) => {
+                Some((columns.patch(path.direction), path.throughput))
+            }
+            Tally::Derivative(_) => Some((0, contribution * slope)),
+        }
+    }
+}

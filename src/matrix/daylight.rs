@@ -1,0 +1,372 @@
+// Tangled from chapters/tally.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Daylight through a year: coefficients times the radiances of a sky, and
+//! what follows from them, with errors.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use std::str;
+
+use rand::RngExt;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::film::Film;
+use crate::sampler::generator;
+
+/// The radiances of a sky, as gendaymtx writes them.
+pub struct SkyMatrix {
+    /// The number of patches, with the ground.
+    pub patches: usize,
+    /// The number of time steps.
+    pub steps: usize,
+    /// For each patch and step the radiance, as its luminous part in units
+    /// of 179 lm/W.
+    values: Vec<f32>,
+}
+
+/// Lumens of a watt, by Radiance's convention.
+const EFFICACY: f64 = 179.;
+
+/// The luminous parts of a red, a green and a blue radiance.
+const LUMINOUS: [f64; 3] = [0.265, 0.670, 0.065];
+
+impl SkyMatrix {
+    /// Reads a matrix of Radiance, of text or of binary numbers.
+    ///
+    /// # Errors
+    /// It is none, it holds solar radiances (`-O1`), or it ends too soon.
+    pub fn read(bytes: &[u8]) -> Result<Self> {
+        let end = bytes.windows(2).position(|two| two == b"\n\n");
+        let end =
+            end.ok_or("no matrix of Radiance: its header has no end")?;
+        let header = String::from_utf8_lossy(&bytes[..end]);
+        // Reject solar radiances
+        let is_solar = header.lines().any(|line| {
+            let mut words = line.split_whitespace();
+            words.next().is_some_and(|word| word.ends_with("gendaymtx"))
+                && words.any(|word| word == "-O1")
+        });
+        if is_solar {
+            return Err("its radiances are solar, of gendaymtx -O1; \
+                        illuminance needs those of -O0"
+                .into());
+        }
+        // Find the size and the format
+        let entries =
+            header.lines().filter_map(|line| line.split_once('='));
+        let entries: BTreeMap<_, _> =
+            entries.map(|(name, value)| (name, value.trim())).collect();
+        let size = |name: &str| -> Result<usize> {
+            let text = entries.get(name).copied().unwrap_or("none");
+            let fault =
+                || format!("no matrix of Radiance: {name} is {text}");
+            text.parse().map_err(|_| fault().into())
+        };
+        let (patches, steps) = (size("NROWS")?, size("NCOLS")?);
+        if entries.get("NCOMP").is_some_and(|n| *n != "3") {
+            return Err("its NCOMP is not 3".into());
+        }
+        // Check the size and read the numbers
+        let count =
+            patches.checked_mul(steps).and_then(|n| n.checked_mul(3));
+        let count = count.filter(|n| n / 8 <= bytes.len());
+        let count = count.ok_or("it is shorter than NROWS times NCOLS")?;
+        let is_big =
+            entries.get("BigEndian").is_some_and(|big| *big == "1");
+        let body = &bytes[end + 2..];
+        let format = entries.get("FORMAT").copied().unwrap_or_default();
+        let numbers = match format {
+            "ascii" => text(body)?,
+            "float" => binary(body, |four| match is_big {
+                true => f32::from_be_bytes(four).into(),
+                false => f32::from_le_bytes(four).into(),
+            }),
+            "double" => binary(body, |eight| match is_big {
+                true => f64::from_be_bytes(eight),
+                false => f64::from_le_bytes(eight),
+            }),
+            other => {
+                let fault = format!(
+                    "its FORMAT is {other}, not ascii, float or double"
+                );
+                return Err(fault.into());
+            }
+        };
+        if numbers.len() != count {
+            let fault = format!(
+                "it has {} numbers, not {patches} x {steps} x 3",
+                numbers.len()
+            );
+            return Err(fault.into());
+        }
+        // Keep the luminous part of each radiance
+        let luminous = |rgb: &[f64]| {
+            let parts = rgb.iter().zip(LUMINOUS).map(|(a, b)| a * b);
+            parts.sum::<f64>() as f32
+        };
+        let values = numbers.chunks(3).map(luminous).collect();
+        Ok(Self { patches, steps, values })
+    }
+}
+
+/// Numbers around blanks.
+fn text(body: &[u8]) -> Result<Vec<f64>> {
+    let text = str::from_utf8(body).map_err(|_| "it is no text")?;
+    let number = |word: &str| {
+        word.parse()
+            .map_err(|_| Error::from(format!("'{word}' is no number")))
+    };
+    text.split_ascii_whitespace().map(number).collect()
+}
+
+/// Numbers of N bytes each.
+fn binary<const N: usize>(
+    body: &[u8],
+    number: impl Fn([u8; N]) -> f64,
+) -> Vec<f64> {
+    body.as_chunks().0.iter().map(|bytes| number(*bytes)).collect()
+}
+
+/// The daylight coefficients of sensors, with their replicates.
+pub struct Daylight<'a> {
+    /// The sums.
+    pub film: &'a Film,
+    /// The row of each sensor on the film, if it has one.
+    pub rows: &'a [Option<u32>],
+    /// The number of columns, and of replicates.
+    pub columns: (u32, u64),
+}
+
+/// A replicate of the coefficients of a sensor: its part of all samples, and
+/// the irradiance for a radiance of 1 of each patch.
+type Replicate = (f64, Vec<f64>);
+
+impl Daylight<'_> {
+    /// The replicates of a sensor, in order; none if it has no value.
+    pub fn replicates(&self, sensor: usize) -> Option<Vec<Replicate>> {
+        let (film, (columns, parts)) = (self.film, self.columns);
+        let at = film.at(0, self.rows[sensor]?);
+        let (size, n) = (film.net_size, film.pixels[at].count());
+        if n == 0 {
+            return None;
+        }
+        let first = film.sample_offset / size;
+        let mut replicates: Vec<Replicate> = (0..parts)
+            .map(|k| {
+                let count = (first..first + n).filter(|i| i % parts == k);
+                let part = count.count() as f64 / n as f64;
+                (part, vec![0.; columns as usize])
+            })
+            .collect();
+        for entry in &film.rows[at] {
+            let (k, column) =
+                (entry.column / columns, entry.column % columns);
+            let (part, values) = &mut replicates[k as usize];
+            values[column as usize] = PI * entry.mean(n * size) / *part;
+        }
+        replicates.retain(|(part, _)| *part > 0.);
+        Some(replicates)
+    }
+}
+
+/// The illuminance of a sensor in lux, at each of some steps of a year, with
+/// its standard error.
+pub struct Illuminance {
+    /// Its replicates, each with its part of all samples.
+    replicates: Vec<(f64, Vec<f64>)>,
+    /// The mean of the replicates at each step.
+    pub lux: Vec<f64>,
+}
+
+impl Illuminance {
+    /// The illuminance under a sky, at these steps.
+    pub fn new(
+        replicates: &[Replicate],
+        sky: &SkyMatrix,
+        steps: &[usize],
+    ) -> Self {
+        let lux = |coefficients: &Vec<f64>| {
+            let mut sums = vec![0.; steps.len()];
+            for (coefficient, row) in
+                coefficients.iter().zip(sky.values.chunks(sky.steps))
+            {
+                if *coefficient > 0. {
+                    for (sum, &step) in sums.iter_mut().zip(steps) {
+                        *sum +=
+                            EFFICACY * coefficient * f64::from(row[step]);
+                    }
+                }
+            }
+            sums
+        };
+        let of =
+            |(part, coefficients): &Replicate| (*part, lux(coefficients));
+        let replicates: Vec<_> = replicates.iter().map(of).collect();
+        let lux = mean(&replicates, &vec![1; replicates.len()]);
+        Self { replicates, lux }
+    }
+
+    /// The standard error at each step, from the spread of the replicates.
+    pub fn standard_errors(&self) -> Vec<f64> {
+        let count = self.replicates.len() as f64;
+        let error = |i: usize| {
+            let squares = self
+                .replicates
+                .iter()
+                .map(|(part, lux)| (part * (lux[i] - self.lux[i])).powi(2));
+            (squares.sum::<f64>() * count / (count - 1.)).sqrt()
+        };
+        (0..self.lux.len()).map(error).collect()
+    }
+}
+
+/// The mean of replicates, each counted so many times.
+fn mean(replicates: &[(f64, Vec<f64>)], times: &[u32]) -> Vec<f64> {
+    let mut sums = vec![0.; replicates[0].1.len()];
+    let mut total = 0.;
+    for ((part, values), &times) in replicates.iter().zip(times) {
+        let weight = part * f64::from(times);
+        total += weight;
+        if times > 0 {
+            for (sum, value) in sums.iter_mut().zip(values) {
+                *sum += weight * value;
+            }
+        }
+    }
+    sums.iter_mut().for_each(|sum| *sum /= total);
+    sums
+}
+
+/// A number, and an interval that covers the truth in 95 of 100 runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// The number.
+    pub value: f64,
+    /// The ends of the interval.
+    pub ends: [f64; 2],
+}
+
+impl Interval {
+    /// The interval of a number from its values in resampled runs.
+    fn new(value: f64, mut resampled: Vec<f64>) -> Self {
+        resampled.sort_by(f64::total_cmp);
+        let last = resampled.len() - 1;
+        let quantile =
+            |part: f64| resampled[(part * last as f64).round() as usize];
+        Self { value, ends: [quantile(0.025), quantile(0.975)] }
+    }
+}
+
+/// What is asked of a year of daylight.
+#[derive(Clone, Copy, Debug)]
+pub struct Demand {
+    /// The illuminance in lux that suffices.
+    pub enough: f64,
+    /// The illuminances in lux between which daylight is useful.
+    pub useful: [f64; 2],
+    /// The part of the hours in which it must suffice at a sensor.
+    pub hours: f64,
+}
+
+/// A year of daylight at sensors.
+pub struct Year {
+    /// For each sensor the part of the steps with enough light (daylight
+    /// autonomy), and the part with useful light (useful daylight
+    /// illuminance); none if it has no value.
+    pub sensors: Vec<Option<[Interval; 2]>>,
+    /// The part of the sensors with enough light in enough hours (spatial
+    /// daylight autonomy, IES LM-83-12).
+    pub spatial: Interval,
+}
+
+/// Resampled runs.
+const RUNS: u64 = 1000;
+
+impl Year {
+    /// A year at all sensors, at these steps of a sky.
+    ///
+    /// # Errors
+    /// The sky has other patches, or there are too few replicates.
+    pub fn new(
+        daylight: &Daylight,
+        sky: &SkyMatrix,
+        steps: &[usize],
+        demand: Demand,
+    ) -> Result<Self> {
+        // Compare the subdivisions
+        let patches = daylight.columns.0 as usize;
+        if sky.patches != patches {
+            let fault = format!(
+                "the sky has {} patches, and the coefficients have {patches}",
+                sky.patches
+            );
+            return Err(fault.into());
+        }
+        // Resample the year of each sensor
+        let at = (0..daylight.rows.len()).into_par_iter();
+        let found = at.map(|sensor| {
+            let Some(replicates) = daylight.replicates(sensor) else {
+                return Ok(None);
+            };
+            if replicates.len() < 16 {
+                let fault = format!(
+                    "{} replicates of the coefficients are too few for an \
+                     interval: 16 are needed (more samples)",
+                    replicates.len()
+                );
+                return Err(Error::from(fault));
+            }
+            let lux = Illuminance::new(&replicates, sky, steps);
+            Ok(Some(resample(&lux, demand)))
+        });
+        let found: Vec<_> = found.collect::<Result<_>>()?;
+        // Find the intervals
+        let passes = |part: f64| f64::from(part >= demand.hours);
+        let count = found.iter().flatten().count() as f64;
+        let spatial = |k: usize| {
+            let those =
+                found.iter().flatten().map(|parts| passes(parts[0][k]));
+            those.sum::<f64>() / count
+        };
+        let runs = (1..=RUNS as usize).map(spatial).collect();
+        let spatial = Interval::new(spatial(0), runs);
+        let interval =
+            |parts: Vec<f64>| Interval::new(parts[0], parts[1..].to_vec());
+        let both = |parts: [Vec<f64>; 2]| parts.map(interval);
+        let sensors = found.into_iter().map(|one| one.map(both)).collect();
+        Ok(Self { sensors, spatial })
+    }
+}
+
+/// The parts of the steps with enough and with useful light: first as found,
+/// then in resampled runs.
+fn resample(light: &Illuminance, demand: Demand) -> [Vec<f64>; 2] {
+    let count = light.replicates.len();
+    let part = |lux: &[f64], is_meant: &dyn Fn(f64) -> bool| {
+        let those = lux.iter().filter(|lux| is_meant(**lux)).count();
+        those as f64 / lux.len() as f64
+    };
+    let enough = |lux: f64| lux >= demand.enough;
+    let [least, most] = demand.useful;
+    let useful = |lux: f64| least <= lux && lux <= most;
+    let mut parts =
+        [vec![part(&light.lux, &enough)], vec![part(&light.lux, &useful)]];
+    // The spread of resampled means is too small by a known factor
+    let wide = (count as f64 / (count as f64 - 1.)).sqrt();
+    for run in 0..RUNS {
+        let mut random = generator(0, run, 0);
+        let mut times = vec![0; count];
+        for _ in 0..count {
+            times[random.random_range(0..count)] += 1;
+        }
+        let mut lux = mean(&light.replicates, &times);
+        for (lux, mean) in lux.iter_mut().zip(&light.lux) {
+            *lux = mean + wide * (*lux - mean);
+        }
+        parts[0].push(part(&lux, &enough));
+        parts[1].push(part(&lux, &useful));
+    }
+    parts
+}

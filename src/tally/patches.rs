@@ -1,0 +1,94 @@
+// Tangled from chapters/tally.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Tregenza's subdivision of the sky (1987), refined by Reinhart (2001).
+//!
+//! ```
+//! use glam::DVec3;
+//! use litpt::tally::patches::Patches;
+//!
+//! let sky = Patches::new(1, DVec3::Z);
+//! assert_eq!(sky.count(), 146);
+//! assert_eq!(sky.number(DVec3::new(0., 1., 0.01)), 1);
+//! assert_eq!(sky.number(DVec3::Z), 145);
+//! assert_eq!(sky.number(-DVec3::Z), 0);
+//! ```
+//!
+//! Its bits belong to `SAMPLE_VERSION`.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+/// The patches of a row of Tregenza's, from the horizon to the zenith.
+const AROUND: [u32; 7] = [30, 30, 24, 24, 18, 12, 6];
+
+/// The patches of the sky.
+#[derive(Clone, Debug)]
+pub struct Patches {
+    /// The directions to the east, the north and the zenith.
+    axes: [DVec3; 3],
+    /// The number of the first patch of each row, and how many it has; the
+    /// last row is the zenith.
+    rows: Vec<(u32, u32)>,
+}
+
+impl Patches {
+    /// The patches of a multiplication factor around a unit vector to the
+    /// zenith. North is the horizontal direction nearest to +y; if the zenith
+    /// is +y or -y, it is -z or +z.
+    pub fn new(factor: u32, zenith: DVec3) -> Self {
+        let across = DVec3::Y.reject_from_normalized(zenith);
+        let is_vertical = across.length_squared() < 1e-12;
+        let other = DVec3::NEG_Z * zenith.y.signum();
+        let north = if is_vertical { other } else { across.normalize() };
+        let axes = [north.cross(zenith), north, zenith];
+        let mut rows = vec![];
+        let mut first = 1;
+        for count in AROUND.map(|count| factor * count) {
+            for _ in 0..factor {
+                rows.push((first, count));
+                first += count;
+            }
+        }
+        rows.push((first, 1));
+        Self { axes, rows }
+    }
+
+    /// The number of columns: all patches, and what is below the horizon.
+    pub fn count(&self) -> u32 {
+        self.rows.last().map_or(1, |(last, _)| last + 1)
+    }
+
+    /// The number of the patch of a direction, as Radiance counts it; 0 below
+    /// the horizon.
+    pub fn number(&self, direction: DVec3) -> u32 {
+        let [x, y, z] = self.axes.map(|axis| axis.dot(direction));
+        if z <= 0. {
+            return 0;
+        }
+        let rows = self.rows.len();
+        let altitude = libm::atan2(z, libm::hypot(x, y)) / (PI / 2.);
+        let row = (altitude * (rows as f64 - 0.5)) as usize;
+        let (first, count) = self.rows[row.min(rows - 1)];
+        // Count clockwise from the north, around which a patch is centred
+        let turn = libm::atan2(x, y) / (2. * PI);
+        let place = (f64::from(count) * turn + 0.5).floor() as i64;
+        first + place.rem_euclid(count.into()) as u32
+    }
+
+    /// The solid angle of a patch, and the part of it that a horizontal
+    /// surface counts: its integral of the cosine.
+    pub fn measures(&self, number: u32) -> [f64; 2] {
+        let rows = self.rows.len();
+        let row = self.rows.partition_point(|&(first, _)| first <= number);
+        let Some(row) = row.checked_sub(1) else { return [2. * PI, 0.] };
+        let sine = |row: usize| match row {
+            top if top == rows => 1.,
+            row => libm::sin(PI / 2. * row as f64 / (rows as f64 - 0.5)),
+        };
+        let [low, high] = [sine(row), sine(row + 1)];
+        let each = 2. * PI / f64::from(self.rows[row].1);
+        [each * (high - low), each * (high * high - low * low) / 2.]
+    }
+}

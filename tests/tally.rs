@@ -1,0 +1,521 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! View factors, daylight coefficients and derivatives: closed forms, errors,
+//! the same bits in all ways, and the files that hold them.
+
+use crate::prelude::*;
+
+use litpt::key::Part;
+use litpt::matrix::closed::Closed;
+use litpt::matrix::daylight::{Daylight, Demand, SkyMatrix, Year};
+use litpt::matrix::{Cell, Matrix};
+use litpt::run::Run;
+use litpt::state::shards;
+use litpt::tally::patches::Patches;
+use litpt::tally::{REPLICATES, Surface, Tally};
+
+const FACES: SensorPlan =
+    SensorPlan::Faces { side: Side::Front, radiosity: false };
+
+/// A plan for a tally of so many samples.
+fn plan(sensor: SensorPlan, tally: Tally, samples: u64) -> Plan {
+    let (tally, budget) = (Some(tally), Budget::samples(samples));
+    let mut plan = Plan { sensor, tally, budget, ..Plan::default() };
+    plan.surfaces.albedo = 0.5;
+    plan
+}
+
+/// The world of a text in OBJ, with a point that looks up.
+fn world(text: &str, plan: &Plan, point: DVec3) -> World {
+    let mesh = read_obj(text.as_bytes()).unwrap();
+    let inputs = Inputs::from(mesh).with_points([(point, DVec3::Z)]);
+    World::new(plan, inputs, Host::default()).unwrap()
+}
+
+/// What a plan finds in a world.
+fn film(world: &World, plan: &Plan) -> Film {
+    let run = Run::new(world, plan, Host::default()).unwrap();
+    run.render(&Interrupt::default()).unwrap().film
+}
+
+/// The rows of a matrix.
+fn rows(matrix: &Matrix) -> Vec<Vec<Cell>> {
+    (0..matrix.height()).map(|row| matrix.row(row).unwrap()).collect()
+}
+
+/// A rectangle with a corner and two sides, as text of an OBJ.
+fn rectangle(corner: DVec3, across: DVec3, up: DVec3) -> String {
+    let places =
+        [corner, corner + across, corner + across + up, corner + up];
+    let lines = places.map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    lines.concat() + "f -4 -3 -2 -1\n"
+}
+
+/// A disc of radius 1 at a height, seen from above or from below.
+fn disc(height: f64, looks_up: bool) -> String {
+    let n = 720;
+    let vertex = |k: i32| {
+        let turn = f64::from(k) / f64::from(n) * TAU;
+        let turn = if looks_up { turn } else { -turn };
+        format!("v {} {} {height}\n", turn.cos(), turn.sin())
+    };
+    let corners = (1..=n).map(|k| format!(" {}", k - n - 1));
+    let face = format!("f{}\n", corners.collect::<String>());
+    (0..n).map(vertex).collect::<String>() + &face
+}
+
+#[test]
+fn view_factors_are_those_of_closed_forms() {
+    let chance = &mut Chance::default();
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let squares =
+        |d: f64| rectangle(DVec3::ZERO, x, y) + &rectangle(z * d, y, x);
+    let corner = rectangle(DVec3::ZERO, 3. * x, y)
+        + &rectangle(DVec3::ZERO, 2. * z, 3. * x);
+    // A street of width 2 with walls of height 3, crossed strings
+    let long = 4e4 * y;
+    let street = rectangle(-0.5 * long, long, -2. * x)
+        + &rectangle(-0.5 * long, 3. * z, long);
+    let wall_share = 0.5 * (1. + 1.5 - 3.25f64.sqrt());
+    for (text, exact) in [
+        (squares(0.1), 0.826_994_522),
+        (squares(10.), 0.003_162_057),
+        (corner, 0.318_996_701),
+        (disc(0., true) + &disc(1., false), 0.381_966_011),
+        (street, wall_share),
+    ] {
+        let plan = plan(FACES, Tally::ViewFactors(Surface::Faces), 1 << 16);
+        let world = world(&text, &plan, z);
+        let film = film(&world, &plan);
+        let rows = rows(&world.matrix(&film).unwrap());
+        for row in &rows {
+            let sum: f64 = row.iter().map(|cell| cell.1).sum();
+            assert!((sum - 1.).abs() <= 1e-12, "{sum}");
+        }
+        let (_, value, error) = rows[0].iter().find(|c| c.0 == 1).unwrap();
+        chance.judge([*value, *error], exact, 32.);
+    }
+}
+
+/// A cube whose sides face inwards.
+const CUBE: &str = "\
+v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+g floor\nf 1 2 3 4\ng sky\nf 8 7 6 5\ng walls\nf 1 5 6 2\nf 2 6 7 3\n\
+f 3 7 8 4\nf 4 8 5 1\n";
+
+#[test]
+fn a_cube_sees_each_side_as_its_closed_form_says() {
+    let chance = &mut Chance::default();
+    let (opposite, beside) = (0.199_824_896, 0.200_043_776);
+    let whole = plan(FACES, Tally::ViewFactors(Surface::Faces), 1 << 14);
+    let world = world(CUBE, &whole, DVec3::Z);
+    let film = film(&world, &whole);
+    let mut matrix = world.matrix(&film).unwrap();
+    let pairs = [1, 0, 4, 5, 2, 3];
+    for (i, row) in rows(&matrix).into_iter().enumerate() {
+        assert_eq!(row.len(), 5);
+        for (column, value, error) in row {
+            let faces = column == pairs[i];
+            let exact = if faces { opposite } else { beside };
+            chance.judge([value, error], exact, 32.);
+        }
+    }
+    matrix.close().unwrap();
+    let closed = rows(&matrix);
+    for (i, row) in closed.iter().enumerate() {
+        let sum: f64 = row.iter().map(|cell| cell.1).sum();
+        assert!((sum - 1.).abs() <= 1e-12, "{sum}");
+        for &(j, value, _) in row {
+            let back = closed[j as usize].iter().find(|c| c.0 == i as u32);
+            assert_eq!(value, back.unwrap().1);
+        }
+    }
+    let [most, mean] = matrix.closed.unwrap().moves;
+    assert!(0.1 < mean && mean < 1.5 && most < 6., "{most} {mean}");
+}
+
+#[test]
+fn columns_are_named_and_gathered_as_the_file_names_its_faces() {
+    let tally = Tally::ViewFactors(Surface::Groups);
+    let points = SensorPlan::Points("points".into());
+    let plan = plan(points, tally, 1 << 12);
+    let world = world(CUBE, &plan, DVec3::splat(0.5));
+    let film = film(&world, &plan);
+    let matrix = world.matrix(&film).unwrap();
+    let names = (0..matrix.columns.count).map(|k| matrix.columns.name(k));
+    let names: Vec<_> = names.collect();
+    assert_eq!(
+        names,
+        ["floor", "named sky", "walls", "unnamed", "sky", "ground"]
+    );
+    let row = matrix.row(0).unwrap();
+    let columns: Vec<_> = row.iter().map(|cell| cell.0).collect();
+    assert_eq!(columns, [1, 2]);
+    // A square at half its side: 4 times a corner of half the side
+    let chance = &mut Chance::default();
+    let a = 0.5f64.sqrt();
+    let exact = 4. / PI * a * 0.5f64.sqrt().atan();
+    assert!((exact - 0.554).abs() < 1e-3, "{exact}");
+    chance.judge([row[0].1, row[0].2], exact, 32.);
+}
+
+#[test]
+fn both_sides_of_a_face_are_two_rows_and_two_columns() {
+    let sensor = SensorPlan::Faces { side: Side::Both, radiosity: false };
+    let plan = plan(sensor, Tally::ViewFactors(Surface::Faces), 1 << 10);
+    let world = world(CUBE, &plan, DVec3::Z);
+    let film = film(&world, &plan);
+    let matrix = world.matrix(&film).unwrap();
+    assert_eq!((matrix.height(), matrix.columns.count), (12, 14));
+    assert_eq!(matrix.name(3), "2 back");
+    assert_eq!(matrix.columns.name(3), "2 back");
+    for (i, row) in rows(&matrix).into_iter().enumerate() {
+        // Fronts see fronts; backs see the sky and the ground
+        let is_front = i % 2 == 0;
+        for (column, ..) in row {
+            assert_eq!(column < 12, is_front);
+            assert!(column >= 12 || column % 2 == 0);
+        }
+    }
+}
+
+/// The sums of a plan as a state holds them.
+fn state(world: &World, plan: &Plan, threads: usize) -> Vec<u8> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    let film = pool.build().unwrap().install(|| film(world, plan));
+    let mut bytes = vec![];
+    film.write(&mut bytes).unwrap();
+    bytes
+}
+
+#[test]
+fn threads_and_parts_change_no_bit_of_a_row() {
+    for tally in [Tally::ViewFactors(Surface::Faces), Tally::SkyPatches(2)]
+    {
+        let mut text = CUBE.to_owned();
+        text.truncate(text.len() - "f 4 8 5 1\n".len());
+        let whole = plan(FACES, tally, 1 << 11);
+        let world = world(&text, &whole, DVec3::Z);
+        let bytes = state(&world, &whole, 1);
+        assert_eq!(bytes, state(&world, &whole, 3));
+        // Add up two parts
+        let of = 1 << 11;
+        let parts = [(0, 640), (640, of)].map(|samples| {
+            let part = Some(Part { samples, of, band: (1, 1) });
+            let plan = Plan { part, ..whole.clone() };
+            let run = Run::new(&world, &plan, Host::default()).unwrap();
+            let (run_key, report) = (run.key.clone(), run.report());
+            let rendered = run.render(&Interrupt::default()).unwrap();
+            let (learnt, rows) = (Arc::default(), world.rows());
+            let mut report = report;
+            report.convergence = rendered.convergence;
+            let plan = plan.clone();
+            let record = RunRecord { run_key, plan, report, rows, learnt };
+            let mut bytes = vec![];
+            save(&record, &rendered.film, &mut bytes).unwrap();
+            Checkpoint::open(Cursor::new(bytes))
+        });
+        let merged = shards::merge(parts).unwrap();
+        assert_eq!(merged.record.rows, world.rows());
+        let mut sum = vec![];
+        merged.film.write(&mut sum).unwrap();
+        assert!(sum == bytes);
+    }
+}
+
+#[test]
+fn closing_finds_the_nearest_matrix_of_random_ones() {
+    let mut random = Pcg64::seed_from_u64(7);
+    for n in [2, 5, 40] {
+        // A true symmetric exchange, and rows that scatter around it
+        let mut exchange = vec![vec![0.; n + 1]; n];
+        for i in 0..n {
+            for j in i..=n {
+                let value = if i == j { 0. } else { random.random() };
+                exchange[i][j] = value;
+                if j < n {
+                    exchange[j][i] = value;
+                }
+            }
+        }
+        let areas: Vec<f64> =
+            exchange.iter().map(|row| row.iter().sum()).collect();
+        let rows: Vec<Vec<Cell>> = (0..n)
+            .map(|i| {
+                let cell = |j: usize| {
+                    let factor = exchange[i][j] / areas[i];
+                    let error = 0.01 * (0.2 + random.random::<f64>());
+                    let off: f64 =
+                        3f64.sqrt() * (2. * random.random::<f64>() - 1.);
+                    (j as u32, (factor + error * off).max(0.), error)
+                };
+                let cells = (0..=n).filter(|&j| j != i).map(cell);
+                cells.filter(|cell| cell.1 > 0.).collect()
+            })
+            .collect();
+        let row = |i: usize| Some(rows[i].clone());
+        let closed = Closed::new(&areas, &row, &|_| 100_000).unwrap();
+        for i in 0..n {
+            let cells = closed.row(i).unwrap();
+            let sum: f64 = cells.iter().map(|cell| cell.1).sum();
+            assert!((sum - 1.).abs() <= 1e-12);
+            for (j, value, _) in cells {
+                assert!(value > 0.);
+                if (j as usize) < n {
+                    let back = closed.row(j as usize).unwrap();
+                    let back =
+                        back.iter().find(|c| c.0 as usize == i).unwrap();
+                    let ratio =
+                        areas[j as usize] * back.1 / (areas[i] * value);
+                    assert!((ratio - 1.).abs() < 1e-12);
+                }
+            }
+        }
+        assert!(closed.moves[0] < 8. && closed.moves[1] < 1.5);
+    }
+    // Two faces that see nothing but each other have one area
+    let rows = [vec![(1, 1., 0.)], vec![(0, 1., 0.)]];
+    let row = |i: usize| Some(rows[i].clone());
+    assert!(Closed::new(&[1., 2.], &row, &|_| 100).is_err());
+}
+
+#[test]
+fn an_open_sensor_gets_each_patch_as_its_closed_form_says() {
+    let chance = &mut Chance::default();
+    let speck = "v 0 0 0\nv 1e-3 0 0\nv 0 1e-3 0\nf 1 2 3\n";
+    for (factor, count) in [(1, 146), (2, 578), (4, 2306)] {
+        let points = SensorPlan::Points("points".into());
+        let plan = plan(points, Tally::SkyPatches(factor), 1 << 16);
+        let world = world(speck, &plan, 9. * DVec3::Z);
+        let film = film(&world, &plan);
+        let matrix = world.matrix(&film).unwrap();
+        let patches = Patches::new(factor, DVec3::Z);
+        assert_eq!((patches.count(), matrix.columns.count), (count, count));
+        let row = matrix.row(0).unwrap();
+        let sum: f64 = row.iter().map(|cell| cell.1).sum();
+        assert!((sum - PI).abs() < 1e-9 * PI, "{sum}");
+        let exact = |k| patches.measures(k)[1];
+        let all: f64 = (0..count).map(exact).sum();
+        assert!((all - PI).abs() < 1e-12);
+        for (column, value, error) in row {
+            chance.judge([value, error], exact(column), 32.);
+        }
+    }
+}
+
+/// Directions, and their patches for factors 1, 2 and 4 as Radiance's
+/// `rcalc -f reinhartb.cal` numbers them.
+const NUMBERED: &[([f64; 3], [u32; 3])] = &[
+    ([-0.881553, 0.360811, 0.304434], [55, 170, 698]),
+    ([-0.782906, -0.466937, 0.411130], [77, 221, 921]),
+    ([0.950720, -0.302555, 0.067761], [10, 19, 157]),
+    ([0.953334, 0.281277, 0.109713], [7, 73, 146]),
+    ([-0.278094, 0.625094, 0.729329], [107, 430, 1627]),
+    ([0.108160, -0.980465, 0.164288], [15, 90, 299]),
+    ([-0.959852, 0.210661, 0.185217], [25, 108, 455]),
+    ([-0.798436, -0.600340, 0.045744], [20, 40, 79]),
+    ([-0.506278, -0.763433, 0.401064], [49, 217, 912]),
+    ([-0.376659, -0.421449, 0.824929], [120, 455, 1845]),
+    ([-0.780584, 0.034253, 0.624111], [103, 373, 1418]),
+    ([-0.750967, -0.151205, 0.642795], [102, 371, 1414]),
+    ([-0.227868, -0.513696, 0.827159], [119, 453, 1842]),
+    ([-0.223557, -0.968027, 0.113784], [17, 93, 305]),
+    ([0.554181, -0.801036, 0.226328], [43, 145, 529]),
+    ([-0.057862, 0.867688, 0.493731], [61, 288, 1152]),
+    ([0.768566, 0.489678, 0.411730], [65, 191, 860]),
+    ([0.578963, -0.694619, 0.426974], [70, 260, 998]),
+    ([0.076437, 0.890239, 0.449035], [61, 242, 962]),
+    ([0.383462, -0.911736, 0.147291], [14, 87, 293]),
+    ([0.006199, -0.919601, 0.392804], [46, 211, 901]),
+    ([0.093679, -0.233557, 0.967820], [142, 558, 2182]),
+    ([0.010518, 0.025878, 0.999610], [145, 577, 2282]),
+    ([-0.879151, 0.284492, 0.382305], [55, 229, 937]),
+    ([-0.281987, -0.834905, 0.472669], [74, 267, 1014]),
+    ([-0.567734, 0.789933, 0.231698], [58, 175, 589]),
+    ([0.705147, -0.525788, 0.475726], [69, 258, 995]),
+    ([0.137585, 0.243141, 0.960184], [139, 531, 2165]),
+    ([0.051536, -0.640243, 0.766441], [118, 451, 1680]),
+    ([-0.679188, -0.328258, 0.656467], [101, 370, 1410]),
+    ([-0.483352, -0.277520, 0.830273], [121, 493, 1849]),
+    ([-0.798777, 0.404492, 0.445355], [81, 281, 1040]),
+    ([-0.639514, -0.305493, 0.705476], [101, 418, 1602]),
+    ([0.892287, -0.382559, 0.239737], [40, 140, 519]),
+    ([0.765474, -0.009316, 0.643400], [91, 349, 1369]),
+    ([0.611562, -0.741158, 0.276906], [43, 144, 648]),
+];
+
+#[test]
+fn patches_are_numbered_as_radiance_does() {
+    assert!(NUMBERED.len() > 20);
+    for (k, factor) in [1, 2, 4].into_iter().enumerate() {
+        let patches = Patches::new(factor, DVec3::Z);
+        for (direction, numbers) in NUMBERED {
+            let number = patches.number(DVec3::from(*direction));
+            assert_eq!(number, numbers[k], "{direction:?}");
+        }
+    }
+    // With y up, north is -z, and east stays +x
+    let upright = Patches::new(1, DVec3::Z);
+    let turned = Patches::new(1, DVec3::Y);
+    for (direction, _) in NUMBERED {
+        let [x, y, z] = *direction;
+        let same = turned.number(DVec3::new(x, z, -y));
+        assert_eq!(same, upright.number(DVec3::from(*direction)));
+    }
+}
+
+/// A matrix of Radiance with 146 rows.
+fn sky(
+    steps: usize,
+    format: &str,
+    of: impl Fn(usize, usize) -> f64,
+) -> Vec<u8> {
+    let head = format!(
+        "#?RADIANCE\ngendaymtx -m 1 -O0 a.wea\nNROWS=146\nNCOLS={steps}\n\
+         NCOMP=3\nFORMAT={format}\n\n"
+    );
+    let mut bytes = head.into_bytes();
+    for patch in 0..146 {
+        for step in 0..steps {
+            let value = of(patch, step);
+            match format {
+                "ascii" => {
+                    write!(bytes, "{value} {value} {value}\n").unwrap()
+                }
+                "float" => {
+                    bytes.extend([(value as f32).to_le_bytes(); 3].concat())
+                }
+                _ => bytes.extend([value.to_le_bytes(); 3].concat()),
+            }
+        }
+        if format == "ascii" {
+            bytes.push(b'\n');
+        }
+    }
+    bytes
+}
+
+#[test]
+fn a_year_follows_from_coefficients_and_a_sky() {
+    let points = SensorPlan::Points("points".into());
+    let plan = plan(points, Tally::SkyPatches(1), 1 << 12);
+    let world =
+        world(CUBE, &Plan { tally: None, ..plan.clone() }, DVec3::Z);
+    drop(world);
+    let speck = "v 0 0 0\nv 1e-3 0 0\nv 0 1e-3 0\nf 1 2 3\n";
+    let open = self::world(speck, &plan, 9. * DVec3::Z);
+    let film = film(&open, &plan);
+    let columns = (146, REPLICATES);
+    let rows = open.rows();
+    let daylight = Daylight { film: &film, rows: &rows, columns };
+    let replicates = daylight.replicates(0).unwrap();
+    assert_eq!(replicates.len(), 32);
+    let parts: f64 = replicates.iter().map(|(part, _)| part).sum();
+    assert!((parts - 1.).abs() < 1e-12);
+    // The mean of the replicates is the row of the matrix
+    let matrix = open.matrix(&film).unwrap();
+    for (column, value, _) in matrix.row(0).unwrap() {
+        let term =
+            |(part, row): &(f64, Vec<f64>)| part * row[column as usize];
+        let mean: f64 = replicates.iter().map(term).sum();
+        assert!((mean - value).abs() < 1e-12);
+    }
+    // A uniform sky that gives k lux in step k
+    for format in ["ascii", "float", "double"] {
+        let lux = |patch: usize, step: usize| match patch {
+            0 => 1e6,
+            _ => step as f64 / (179. * PI),
+        };
+        let sky = SkyMatrix::read(&sky(1000, format, lux)).unwrap();
+        let demand =
+            Demand { enough: 300.5, useful: [100.5, 900.5], hours: 0.5 };
+        let steps: Vec<_> = (0..1000).collect();
+        let year = Year::new(&daylight, &sky, &steps, demand).unwrap();
+        let [da, udi] = year.sensors[0].unwrap();
+        assert_eq!((da.value, udi.value), (0.699, 0.8));
+        assert_eq!(da.ends, [0.699; 2]);
+        assert_eq!((year.spatial.value, year.spatial.ends), (1., [1.; 2]));
+    }
+}
+
+#[test]
+fn a_sky_that_is_none_is_refused() {
+    let good = sky(2, "ascii", |_, _| 1.);
+    let text = String::from_utf8(good.clone()).unwrap();
+    for (bad, why) in [
+        (text.replace("-O0", "-O1"), "solar"),
+        (text.replace("FORMAT=ascii", "FORMAT=cieXYZ"), "FORMAT"),
+        (text.replace("NCOLS=2", "NCOLS=3"), "numbers"),
+        (text.replace("NCOLS=2", "NCOLS=-2"), "NCOLS"),
+        (text.replace("NCOMP=3", "NCOMP=1"), "NCOMP"),
+        (text.replace("NROWS=146", "NROWS=99999999999999"), "shorter"),
+        (text.replace("1 1 1", "1 x 1"), "no number"),
+        ("#?RADIANCE".to_owned(), "header"),
+    ] {
+        let error = SkyMatrix::read(bad.as_bytes()).err().unwrap();
+        assert!(error.to_string().contains(why), "{error}");
+    }
+}
+
+#[test]
+fn the_derivative_is_that_of_a_closed_form() {
+    let chance = &mut Chance::default();
+    let mesh = cavity(0.2, 128);
+    let point = DVec3::new(0., 0., -0.9);
+    let up = polygon_share(point, DVec3::Z, &mesh.vertices[..256]);
+    let text = obj(&mesh).replacen("f ", "g wall\nf ", 1);
+    for albedo in [0.05, 0.5, 0.9] {
+        let points = SensorPlan::Points("points".into());
+        let mut plan =
+            plan(points, Tally::Derivative("wall".into()), 1 << 12);
+        plan.surfaces.albedo = albedo;
+        let world = world(&text, &plan, point);
+        let film = film(&world, &plan);
+        let slope = world.matrix(&film).unwrap().first_cells()[0];
+        let rest = 1. - 0.8 * albedo;
+        chance.judge(slope, (1. - up) * 0.2 / rest.powi(2), 32.);
+    }
+}
+
+#[test]
+fn wrong_tallies_are_refused_in_words() {
+    let place = Scratch::new();
+    place.put("cube.obj", CUBE);
+    place.put("points.txt", "0.5 0.5 0.5 0 0 1\n");
+    for (line, words) in [
+        ("--view-factors=faces", "required"),
+        ("--vertices --view-factors=faces", "not vertices"),
+        ("--faces --radiosity --view-factors=faces", "radiosity"),
+        (
+            "--faces --view-factors=faces --sky=overcast",
+            "needs the uniform sky",
+        ),
+        ("--faces --view-factors=faces --integrator=gather", "sobol"),
+        ("--faces --view-factors=rooms", "--view-factors"),
+        ("--faces --view-factors=groups --closed", "--closed"),
+        ("--points=points.txt --view-factors=faces --closed", "--closed"),
+        ("--faces --closed", "--closed"),
+        ("--faces --view-factors=faces -o a.ply", "a.ply"),
+        ("--faces --view-factors=groups -o a.vf", "a.vf"),
+        ("--points=points.txt --sky-patches=3", "1, 2 or 4"),
+        ("--points=points.txt --sky-patches=1 -o a.vf", ".mtx"),
+        (
+            "--points=points.txt --sky-patches=1 --derivative=floor",
+            "used with",
+        ),
+        ("--faces --derivative=roof", "no material, group or object"),
+        ("--faces -r0 --derivative=floor", "albedo is 0"),
+    ] {
+        let run = place.free(&format!("cube.obj -n64 {line}"));
+        let status =
+            if line.contains("--derivative=") && !line.contains("sky") {
+                1
+            } else {
+                2
+            };
+        let status = if line.contains(" -o a.") { 1 } else { status };
+        run.failed(status, &[words]);
+    }
+    place.holds_only(&["cube.obj", "points.txt"]);
+}
