@@ -24,7 +24,7 @@ PACKAGES := --workspace $(if $(WITH_MPI),,--exclude litpt-mpi)
 # What is measured or installed is a Release, unless the command line says
 # otherwise.
 ifneq ($(filter measure stability% ablation bench% calibration mixtures install \
-  efficiency picture-peer choice parts places rates mpi, \
+  efficiency picture-peer choice parts places peers rates mpi, \
   $(MAKECMDGOALS)),)
 BUILD_TYPE = Release
 endif
@@ -88,6 +88,7 @@ help:
 	@echo 'make choice  what each method gains, and what a pilot foresees'
 	@echo 'make parts   what each part of a gather is worth, half an hour'
 	@echo 'make places  values of places, three minutes'
+	@echo 'make peers   view factors and daylight beside peers, forty minutes'
 	@echo 'make rates   images a second of ptview, a minute (needs chromium)'
 	@echo 'make fuzz    random scenes and cameras, a minute'
 	@echo 'make clean   remove what was built'

@@ -24,7 +24,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   nets.stamp stability.tex \
   ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex sizes.csv \
   mixtures.tex rates.tex \
-  mixtures-ball.csv room.tex street.tex)
+  mixtures-ball.csv room.tex street.tex street-factors.tex room-year.tex)
 
 # ---- made with the book
 
@@ -55,6 +55,34 @@ $(addprefix $(BUILT)/street,.csv .tex) &: $(BUILD_DIR)/pt doc/examples/grid.sh \
 	sh doc/examples/grid.sh -6 -10 200 134 103 72 0.01 | $(BUILD_DIR)/pt \
 	  $(BUILT)/street.obj --points - -r 0 -n 256 -qf -o $(BUILT)/street.csv
 	awk -F, 'NR > 1 { t = $$7; $(TONE) }' $(BUILT)/street.csv > $(BUILT)/street.tex
+
+# Who sees whom in the street, and the light of a year in the room.
+$(addprefix $(BUILT)/street-factors,.csv .tex .txt) &: $(BUILD_DIR)/pt \
+  doc/examples/street.sh | $(BUILT)
+	sh doc/examples/street.sh > $(BUILT)/street-factors.obj
+	$(BUILD_DIR)/pt $(BUILT)/street-factors.obj --faces \
+	  --view-factors faces --closed -n 4096 -f \
+	  -o $(BUILT)/street-factors.csv 2> $(BUILT)/street-factors.log
+	sed -n '/^> matrix/ { s/; /;\n          /; s/^> //; p; }' \
+	  $(BUILT)/street-factors.log > $(BUILT)/street-factors.txt
+	awk -F, '$$2 ~ /^[0-9]+$$/ { t = -log($$3) / log(10) / 4; $(TONE) }' \
+	  $(BUILT)/street-factors.csv > $(BUILT)/street-factors.tex
+
+$(addprefix $(BUILT)/room-year,.csv .tex .txt) &: $(BUILD_DIR)/pt \
+  $(BUILD_DIR)/ptimg doc/examples/grid.sh doc/examples/year.sh \
+  doc/examples/room.obj doc/examples/room.mtl | $(BUILT)
+	sh doc/examples/grid.sh 0 0 6 4 24 16 0.85 > $(BUILT)/room-year.grid
+	$(BUILD_DIR)/pt doc/examples/room.obj --points $(BUILT)/room-year.grid \
+	  --materials --ground 0.2 --sky-patches 1 -n 4096 -qf \
+	  -o $(BUILT)/room-year.litpt
+	sh doc/examples/year.sh > $(BUILT)/room-year.smx
+	$(BUILD_DIR)/ptimg daylight $(BUILT)/room-year.litpt \
+	  $(BUILT)/room-year.smx -f -o $(BUILT)/room-year.csv 2>&1 | \
+	  sed 's/^> //; s/, have/,\nhave/' > $(BUILT)/room-year.txt
+	awk 'NR == FNR { x[FNR] = $$1; y[FNR] = $$2; next } FNR > 1 { \
+	  split($$0, a, ","); $$1 = x[a[1]]; $$2 = y[a[1]]; t = a[2]; $(TONE) }' \
+	  $(BUILT)/room-year.grid $(BUILT)/room-year.csv > $(BUILT)/room-year.tex
+	rm $(BUILT)/room-year.litpt $(BUILT)/room-year.smx
 
 $(BUILT)/closed-forms.tex: $(BOOK) | $(BUILT)
 	$(BOOK) closed_forms > $@
@@ -328,6 +356,24 @@ places: $(BUILD_DIR)/pt $(call AND_VIEWS,$(BENCH)/statue-100000)
 	$(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) --example occlusion
 	$(RECORD) places sh $(SCRIPTS)/places.sh $(BUILD_DIR)/pt \
 	  $(COMPILED)/examples/occlusion $(BENCH)/statue-100000.obj
+
+# View factors beside pyviewfactor and raystrack, and daylight coefficients
+# beside Radiance, which PyPI has: forty minutes.
+PEERS := $(BUILD_DIR)/peers
+$(PEERS)/installed:
+	python3 -m venv $(PEERS)
+	$(PEERS)/bin/pip install -q numpy scipy pyviewfactor==1.1.* raystrack==2.* \
+	  pyradiance==1.3.*
+	@touch $@
+
+.PHONY: peers
+peers: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(PEERS)/installed
+	$(RECORD) view-factors $(PEERS)/bin/python $(SCRIPTS)/view_factor_peers.py \
+	  $(BUILD_DIR)/pt polygons raystrack town
+	$(RECORD) daylight $(PEERS)/bin/python $(SCRIPTS)/daylight_peers.py \
+	  --folder $(PEERS) all $(BUILD_DIR)/pt
+	$(RECORD) autonomy python3 $(SCRIPTS)/autonomy_coverage.py \
+	  $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(PEERS)
 
 # ---- the pictures of the README
 

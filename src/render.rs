@@ -171,14 +171,15 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
                 TilePart { pixels, rays, ..TilePart::default() }
             });
         }
+        // Begin the sums of a tile
         let kept = fragments.map_or(0, |it| it.count(&tile));
         let mut part = TilePart {
             pixels: vec![Accumulator::default(); tile.area()],
             halves: vec![HalfBuffers::default(); kept],
             ..TilePart::default()
         };
-        let (parts, columns) = self.job.integrator.row_parts();
-        let mut sums = vec![];
+        let (mut sums, integrator) = (vec![], &self.job.integrator);
+        let (parts, columns) = integrator.row_parts();
         for value in values {
             let net = trace(value * net_size..(value + 1) * net_size)?;
             for (sum, net) in part.pixels.iter_mut().zip(&net.pixels) {
@@ -186,6 +187,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             }
             add_samples(&mut part.halves, value, &net.sorted);
             part.rays += net.rays;
+            // Add the contributions to the rows of a tally
             if parts > 0 {
                 let contributions =
                     Contribution::sums(net.contributions).into_iter();

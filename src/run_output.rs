@@ -23,7 +23,7 @@ use crate::film::{Film, Fragments};
 use crate::filter::{Filtered, fragments, surface_means};
 use crate::image::{FILTERED, Format, Image, OPACITY, Picture};
 use crate::key::{Subject, entries};
-use crate::matrix::Matrix;
+use crate::matrix::{Matrix, MatrixFormat};
 use crate::output::OutputTarget;
 use crate::plan::{Outputs, Product};
 use crate::render_loop::Convergence;
@@ -165,17 +165,18 @@ impl<'a> RunOutput<'a> {
         let shows = due.iter().any(is_list);
         let of_world = world.filter(|_| shows);
         let mut matrix = of_world.and_then(|world| world.matrix(film));
-        if let Some(matrix) = matrix.as_mut().filter(|_| *closes) {
-            matrix.close()?;
-        }
+        let closed = matrix.as_mut().filter(|_| *closes).map(Matrix::close);
+        let closing = closed.unwrap_or(Ok(()));
         let sorted = matrix.as_ref().filter(|it| it.columns.count > 1);
         record.report.matrix = sorted.map(Matrix::size);
         let record = &*record;
+        // Collect what the files show
         let shown = Shown {
             record,
             film,
             world,
             matrix,
+            closing,
             filtered,
             opacity,
             stops,
@@ -296,6 +297,8 @@ struct Shown<'f> {
     opacity: Option<&'f [f64]>,
     /// The matrix of a tally, if a file shows it.
     matrix: Option<Matrix<'f>>,
+    /// Whether it could be closed.
+    closing: Result<()>,
     /// The stops by which a PNG is brighter, and those that an EXR records.
     stops: Option<f64>,
     auto: Option<f64>,
@@ -347,16 +350,23 @@ impl Shown<'_> {
                 let slopes = self.matrix.as_ref().map(Matrix::first_cells);
                 table.write(format, &values, slopes.as_deref(), out)
             }
-            Product::Matrix(format) => match &self.matrix {
-                Some(matrix) => matrix.write(
-                    format,
-                    zone(&record.report.scene.file),
-                    out,
-                ),
-                None => Ok(()),
-            },
+            Product::Matrix(format) => self.write_matrix(format, out),
             Product::State => save(record, film, out),
         }
+    }
+
+    /// Writes the matrix of a tally.
+    fn write_matrix(
+        &self,
+        format: MatrixFormat,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
+        if let Err(fault) = &self.closing {
+            return Err(io::Error::other(fault.to_string()));
+        }
+        let zone = zone(&self.record.report.scene.file);
+        let matrix = self.matrix.as_ref();
+        matrix.map_or(Ok(()), |matrix| matrix.write(format, zone, out))
     }
 
     /// The image on the film, with its attributes.

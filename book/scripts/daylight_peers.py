@@ -6,6 +6,7 @@ usage: daylight_peers.py [options] numbering
        daylight_peers.py [options] room [PT]
        daylight_peers.py [options] rfluxmtx PT
        daylight_peers.py [options] sky
+       daylight_peers.py [options] all PT
 
 numbering   the patches of 100 000 directions, by rcalc and by patch(); writes
             directions-1.txt, -2 and -4, lines "x y z patch"
@@ -13,6 +14,7 @@ dctimestep  a product of matrices, by dctimestep and by numpy
 room        the rows' sums, beside irradiances under a uniform sky by rtrace
 rfluxmtx    variances of coefficients at the same time on as many cores
 sky         a year's sky as text, floats and doubles: S.smx, Sf.smx, Sd.smx
+all         all of these, as a table
 
 Without PT, room runs Radiance alone. Its programs are those of the package
 pyradiance of PyPI, installed beside this interpreter, with numpy. They seed
@@ -105,9 +107,7 @@ def numbering(options):
         height, _, _, across = place(directions, mf)
         edge = [abs(a - np.round(a)) < 1e-9 for a in (height, across)]
         differ = (numbers != patch(directions, mf)) & ~np.any(edge, axis=0)
-        print(f'MF {mf}: patches {numbers.min()} to {numbers.max()}; away '
-              f'from edges differ lines {1 + np.flatnonzero(differ)}, at '
-              f'azimuths of {across[differ]} patches')
+        say(f'other numbers; MF {mf}', differ.sum())
 
 
 def parse(matrix):
@@ -130,9 +130,9 @@ def dctimestep(options):
     theirs = parse(radiance('dctimestep', '-od', *options.files))
     some = ours != 0
     error = abs(theirs - ours)[some] / abs(ours[some])
-    print(f'{ours.shape[0]} sensors, {ours.shape[1]} steps: largest relative '
-          f'difference {error.max():.2g}; where numpy has 0, at most '
-          f'{abs(theirs[~some]).max(initial=0)}')
+    say('dctimestep; largest relative difference', error.max())
+    say('dctimestep; largest where numpy has 0',
+        abs(theirs[~some]).max(initial=0))
 
 
 def prepare(options):
@@ -178,6 +178,10 @@ def limits(rays):
     return f'-ab 64 -lr -64 -ad {rays} -lw {1 / rays}'.split()
 
 
+def say(what, value):
+    print(f'{what},{value:.6g}', flush=True)
+
+
 def mean_and_error(runs):
     return (np.mean(runs, axis=0),
             np.std(runs, axis=0, ddof=1) / len(runs) ** .5)
@@ -206,19 +210,24 @@ def room(options):
         runs = np.concatenate(list(pool.map(run, range(jobs))))
     theirs, their_error = mean_and_error(runs)
     mean, error = mean_and_error(runs.mean(1))
-    print(f'rtrace: mean {mean:.6f} +- {error:.6f}, error of a sensor '
-          f'{np.mean(their_error / theirs):.2%}')
+    say('rtrace; mean', mean)
+    say('rtrace; error of the mean', error)
+    say('rtrace; error of a sensor in per cent',
+        100 * np.mean(their_error / theirs))
     if options.files:
         runs = np.array([values.sum(1) for values, _, _ in pt(options)])
         ours, our_error = mean_and_error(runs)
         our_mean, our_mean_error = mean_and_error(runs.mean(1))
         z = (ours - theirs) / np.hypot(our_error, their_error)
         all_z = (our_mean - mean) / np.hypot(our_mean_error, error)
-        print(f'pt: mean {our_mean:.6f} +- {our_mean_error:.6f}, error of a '
-              f'sensor {np.mean(our_error / ours):.2%}\nz: '
-              f'{np.mean(abs(z) <= 3):.1%} within 3, largest '
-              f'{abs(z).max():.2f}, root mean square '
-              f'{np.mean(z ** 2) ** .5:.2f}, of the mean {all_z:.2f}')
+        say('pt; mean', our_mean)
+        say('pt; error of the mean', our_mean_error)
+        say('pt; error of a sensor in per cent',
+            100 * np.mean(our_error / ours))
+        say('sensors within 3 errors in per cent', 100 * np.mean(abs(z) <= 3))
+        say('largest z', abs(z).max())
+        say('root mean square of z', np.mean(z ** 2) ** .5)
+        say('z of the mean', all_z)
 
 
 def rfluxmtx(options):
@@ -237,17 +246,20 @@ def rfluxmtx(options):
 
     runs, errors, seconds = map(np.array, zip(*pt(options)))
     target, ours, rays = seconds.mean(), runs.var(0, ddof=1).mean(), 256
-    print(f'pt: {target:.2f} s, mean variance {ours:.4g}, by its errors '
-          f'{np.mean(errors ** 2):.4g}, mean {runs.sum(2).mean():.5f}')
+    say('pt; seconds', target)
+    say('pt; mean variance', ours)
+    say('pt; mean square of its errors', np.mean(errors ** 2))
     for _ in range(3):
         rays = max(1, round(rays * target / run(rays)[1]))
     runs, seconds = map(np.array, zip(*(
         run(rays) for _ in range(int(options.seeds)))))
     seconds, theirs = seconds.mean(), runs.var(0, ddof=1).mean()
-    print(f'rfluxmtx {" ".join(limits(rays))}: {seconds:.2f} s, mean '
-          f'variance {theirs:.4g}, mean {runs.sum(2).mean():.5f}')
-    print(f'pt / rfluxmtx: variance {ours / theirs:.3g}, variance x time '
-          f'{ours * target / theirs / seconds:.3g}')
+    say('rfluxmtx; rays', rays)
+    say('rfluxmtx; seconds', seconds)
+    say('rfluxmtx; mean variance', theirs)
+    say('pt of rfluxmtx; variance', ours / theirs)
+    say('pt of rfluxmtx; variance times seconds',
+        ours * target / theirs / seconds)
 
 
 def weather():
@@ -275,8 +287,22 @@ def sky(options):
     for name, *kind in ['S'], ['Sf', '-of'], ['Sd', '-od']:
         radiance('gendaymtx', '-m', '1', '-O0', *kind, 'weather.wea',
                  to=name + '.smx')
-        head, _, body = Path(name + '.smx').read_bytes().partition(b'\n\n')
-        print(f'{name}.smx: {head}, 2 line ends, {len(body)} bytes')
+
+
+def all(options):
+    print('what,value')
+    numbering(options)
+    sky(options)
+    Path('grid.txt').write_text(text(SENSORS))
+    subprocess.run([options.files[0], ROOM, '--points', 'grid.txt',
+                    '--materials', '--sky-patches', '1', '-n', options.n, '-f',
+                    '-q', '-o', 'D.mtx'], check=True)
+    program = options.files
+    options.files = ['D.mtx', 'S.smx']
+    dctimestep(options)
+    options.files = program
+    room(options)
+    rfluxmtx(options)
 
 
 def main():
@@ -285,7 +311,7 @@ def main():
         usage=argparse.SUPPRESS, description=about,
         formatter_class=argparse.RawTextHelpFormatter)
     commands = {run.__name__: run
-                for run in (numbering, dctimestep, room, rfluxmtx, sky)}
+                for run in (numbering, dctimestep, room, rfluxmtx, sky, all)}
     parser.add_argument('command', choices=commands)
     parser.add_argument('files', nargs='*')
     for name, default, meaning in (

@@ -575,6 +575,7 @@ fn steps(hours: &str, count: usize) -> Result<Vec<usize>> {
         }
         Ok(_) => return Err(fault("a day has 24 hours".to_owned())),
         Err(_) => {
+            // Read which steps count
             let text = fs::read_to_string(hours)
                 .map_err(Error::cannot("read", hours))?;
             let number = |word: &str| match word {
