@@ -468,6 +468,8 @@ impl Plan {
         let is_uniform = self.sky.cover == Cover::Uniform;
         let has_patches = !matches!(tally, Tally::Derivative(_));
         let is_nets = self.method.is_none_or(|m| m == Method::Sobol);
+        let error = self.budget.error;
+        let is_relative = error.is_some_and(|(_, norm)| norm.relative);
         let (name, value) = tally.named();
         let fault = match &self.sensor {
             SensorPlan::Camera(_) => "needs receivers, points or faces",
@@ -481,6 +483,9 @@ impl Plan {
                 "needs the uniform sky, whose light does not matter"
             }
             _ if !is_nets => "is sampled by the method sobol alone",
+            _ if tally.is_of_surfaces() && is_relative => {
+                "needs an absolute error: entries may be 0"
+            }
             _ => match tally {
                 Tally::SkyPatches(1 | 2 | 4) => return Ok(()),
                 Tally::SkyPatches(_) => "expected 1, 2 or 4",

@@ -493,6 +493,7 @@ fn wrong_tallies_are_refused_in_words() {
         ),
         ("--faces --view-factors=faces --integrator=gather", "sobol"),
         ("--faces --view-factors=rooms", "--view-factors"),
+        ("--faces --view-factors=faces --error=1%", "absolute"),
         ("--faces --view-factors=groups --closed", "--closed"),
         ("--points=points.txt --view-factors=faces --closed", "--closed"),
         ("--faces --closed", "--closed"),

@@ -76,6 +76,22 @@ fn ranks_render_the_image_of_one_process() {
     }
 }
 
+#[test]
+fn ranks_fill_the_rows_of_one_process() {
+    let place = Scratch::new();
+    let root = "--allow-run-as-root --oversubscribe --bind-to none -n 3";
+    let program = env!("CARGO_BIN_EXE_pt-mpi");
+    for tally in ["--view-factors=faces", "--sky-patches=1"] {
+        let line = format!("room.obj --faces {tally} -n2048 -r0.7 -qf -j1");
+        place.free(&format!("{line} -oa.csv")).succeeded();
+        let line = format!("{root} {program} {line} -ob.csv");
+        let mut command = place.command("mpirun");
+        let run = common::outcome(command.args(line.split_whitespace()));
+        run.succeeded();
+        assert!(place.get("a.csv") == place.get("b.csv"), "{tally}");
+    }
+}
+
 /// Some learn, others take what one process has learnt.
 #[test]
 fn ranks_render_a_part_of_a_run() {

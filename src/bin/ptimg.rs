@@ -18,7 +18,7 @@ use litpt::cli::files::keep_the_place;
 use litpt::cli::options::{LICENCE, parse_words};
 use litpt::cli::progress;
 use litpt::cli::run::fail;
-use litpt::cli::values::{parse_range, parse_real, parse_share};
+use litpt::cli::values::{only, parse_range, parse_real, parse_share};
 use litpt::compare::display::{
     self, AUTO_EXPOSURE, Curve, Exposure, auto_stops, seeming_surfaces,
 };
@@ -199,7 +199,7 @@ struct Daylight {
     /// Part of the hours in which it must suffice for the spatial daylight
     /// autonomy
     #[arg(long, value_name = "PART", default_value = "0.5",
-          value_parser = parse_share)]
+          value_parser = only(parse_share, |x| (0. ..=1.).contains(x), PART))]
     part: f64,
 
     /// Illuminances in lux between which daylight is useful
@@ -211,6 +211,8 @@ struct Daylight {
     #[arg(short, long)]
     force: bool,
 }
+
+const PART: &str = "expected a part from 0 to 1, or a percentage";
 
 /// Two numbers with two dots between, the smaller first.
 fn parse_interval(text: &str) -> Result<(f64, f64), String> {
@@ -558,7 +560,8 @@ fn daylight(asked: &Daylight) -> Result<()> {
 
 /// The time steps that count, of so many.
 fn steps(hours: &str, count: usize) -> Result<Vec<usize>> {
-    let fault = |fault: String| Error::value("hours", hours, fault);
+    let fault =
+        |fault: String| Error::from(format!("--hours {hours}: {fault}"));
     let counts: Vec<bool> = match parse_range(hours) {
         Ok((from, to)) if to <= 24 => {
             if !count.is_multiple_of(24) {

@@ -114,7 +114,6 @@ impl Entry {
 
     fn merge(&mut self, more: &Self) {
         self.count = self.count.saturating_add(more.count);
-
         self.sum = self.sum.saturating_add(more.sum);
         self.squares = self.squares.saturating_add(more.squares);
     }

@@ -121,8 +121,8 @@ impl Setup<'_> {
         if self.columns.is_some() {
             // Place the samples of a tally in nets
             let Request { seed, budget, .. } = request;
-            let error = budget.error.map(|(error, _)| error);
-            let new = Sampling::of_tally(*seed, request.bound(), error);
+            let new =
+                Sampling::of_tally(*seed, request.bound(), budget.error);
             return (saved.unwrap_or(new), None);
         }
         let is_known = self.analysis.known_pixels.is_all();

@@ -121,15 +121,18 @@ impl Sampling {
         Self { method, seed, net_size, training, control, norm, glance }
     }
 
-    /// The sampling of a tally, whose rows have at least 32 replicates. Where
-    /// only an error is asked for, it is for an eighth of the samples that a
-    /// share of a half would take without nets.
+    /// The sampling of a tally, whose rows have at least 32 replicates. An error
+    /// is expected after an eighth of the samples that a share of a half would
+    /// take without nets, and a relative one after 32 times as many.
     pub fn of_tally(
         seed: u64,
         samples: Option<u64>,
-        error: Option<f64>,
+        error: Option<(f64, ErrorNorm)>,
     ) -> Self {
-        let needed = error.map(|error| (0.25 / 8. / error.powi(2)) as u64);
+        let needed = error.map(|(error, norm)| {
+            let variance = if norm.relative { 1. } else { 0.25 / 8. };
+            (variance / error.powi(2)) as u64
+        });
         let samples = samples.into_iter().chain(needed).min();
         let most = (1 << 12) as u64;
         let size = samples.unwrap_or(most) / REPLICATES;
