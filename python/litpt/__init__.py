@@ -25,9 +25,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from . import _arrays, _core
+from ._matrices import (Daylight, DaylightCoefficients, Interval, ViewFactors,
+                        read_sky)
 from ._results import Estimate, Result, _call
 
-__all__ = ["Estimate", "Result", "Scene", "pt"]
+__all__ = ["Daylight", "DaylightCoefficients", "Estimate", "Interval",
+           "Result", "Scene", "ViewFactors", "pt", "read_sky"]
 __version__ = _core.version
 
 
@@ -59,7 +62,7 @@ def _words(**options):
 
 
 def _limits(samples=None, of=None, time=None, error=None, norm=None,
-            seed=None, method=None, threads=None):
+            seed=None, method=None, threads=None, derivative=None):
     part, is_part = None, isinstance(samples, slice)
     is_empty = is_part and of is not None and not (
         (samples.start or 0) < (samples.stop or 0) <= of and not samples.step)
@@ -70,7 +73,7 @@ def _limits(samples=None, of=None, time=None, error=None, norm=None,
         part, samples = f"{samples.start or 0}..{samples.stop}", of
     return _words(spp=samples, samples=part, time=time, error=error,
                   error_norm=norm, seed=seed, integrator=method,
-                  threads=threads)
+                  threads=threads, derivative=derivative)
 
 
 _LIMITS = _limits.__code__.co_varnames[:_limits.__code__.co_argcount]
@@ -200,6 +203,9 @@ class Scene:
         Besides, `seed`; `method`, "auto", "reference", "sobol" or "gather";
         and `threads`, on which no value depends. `progress` is True, or a
         function of the part that is done and a text.
+
+        With `derivative`, the name of a material, group or object, the result
+        has also the derivative of its values by the albedo of that.
         """
         return self._run("irradiance", dict(points=points, normals=normals),
                          limits, progress)
@@ -213,6 +219,39 @@ class Scene:
         """The irradiance at each vertex, with the mean normal of the faces
         around it, (n,). Limits as for `irradiance`."""
         return self._run("vertex_irradiance", {}, limits, progress)
+
+    def view_factors(self, columns="faces", *, points=None, normals=None,
+                     side="front", progress=None, **limits):
+        """View factors, as ViewFactors: of all light that a face would send
+        out diffusely, or of all that could arrive at a point, the parts that
+        go to each face; or to the faces of each material, object or group, if
+        `columns` is "materials", "objects" or "groups"; then to the sky and
+        to the ground.
+
+        Rows are faces on the `side` "front", "back" or "both", or `points`
+        with `normals`, (n, 3). The sky of the scene must be "uniform". Limits
+        as for `irradiance`; an `error` is that of the worst factor of each row.
+        """
+        places = dict(side=side)
+        if points is not None or normals is not None:
+            places = dict(points=points, normals=normals)
+            if side != "front":
+                raise ValueError(f"side = {side!r}: points have no side")
+        words = [f"--view-factors={_text('columns', columns)}"]
+        options = dict(places, tally=(ViewFactors, words))
+        return self._run("view_factors", options, limits, progress)
+
+    def daylight_coefficients(self, points, normals, sky_patches=1,
+                              progress=None, **limits):
+        """What light from each part of the sky does at points, (n, 3), on the
+        side of their normals, (n, 3) or one for all, as DaylightCoefficients.
+        The parts are the ground and the patches of Reinhart's sky, 146 with
+        `sky_patches` 1, 578 with 2, 2306 with 4. The sky of the scene must be
+        "uniform". Limits as for `irradiance`."""
+        words = [f"--sky-patches={_text('sky_patches', sky_patches)}"]
+        options = dict(points=points, normals=normals,
+                       tally=(DaylightCoefficients, words))
+        return self._run("daylight_coefficients", options, limits, progress)
 
     def render(self, position=None, target=None, up=None, fov=70,
                size=(320, 240), view=None, background=None, exposure=None,
@@ -257,17 +296,21 @@ class Scene:
 
     def _begin(self, quantity, options, limits):
         """Begins a run; returns how to make our results from its own, too."""
-        for name in limits.keys() - set(_LIMITS):
+        names = set(_LIMITS)
+        if not quantity.endswith("irradiance"):
+            names.remove("derivative")
+        for name in limits.keys() - names:
             raise TypeError(f"{quantity}() has no argument {name!r}")
         is_open = not {"samples", "time", "error"} & limits.keys()
         limits, points, shape = _limits(**limits), None, (-1,)
-        if quantity == "irradiance":
+        kind, tally = options.pop("tally", (Result, []))
+        if "points" in options:
             points = _arrays.pairs("points", options["points"], "normals",
                                    options["normals"])
             points = [array.copy() for array in points]
             points = *points, _arrays.sha256(*points)
             words = ["--points=points"]
-        elif quantity == "face_irradiance":
+        elif quantity in ("face_irradiance", "view_factors"):
             side = options.get("side", "front")
             words = [f"--faces={side}"]
             shape = (-1, 2) if side == "both" else shape
@@ -280,8 +323,8 @@ class Scene:
             shape = tuple(int(n) for n in words[0][13:].split("x")[::-1]
                           if n.isdigit())
             words += ["--spp=64"] if is_open else []
-        words = [*self._words, *words, *limits]
-        make = lambda core: Result(self, shape, words, points, core)
+        words = [*self._words, *words, *tally, *limits]
+        make = lambda core: kind(self, shape, words, points, core)
         return make, _call(self._core.start, words, points)
 
     def _run(self, quantity, options, limits, progress):

@@ -8,9 +8,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import TypeAlias, TypedDict, Unpack
 
+from ._matrices import (
+    Daylight,
+    DaylightCoefficients,
+    Interval,
+    ViewFactors,
+    read_sky,
+)
 from ._results import Estimate, Result
 
-__all__ = ["Estimate", "Result", "Scene", "pt"]
+__all__ = [
+    "Daylight",
+    "DaylightCoefficients",
+    "Estimate",
+    "Interval",
+    "Result",
+    "Scene",
+    "ViewFactors",
+    "pt",
+    "read_sky",
+]
 __version__: str
 
 def pt() -> NoReturn: ...
@@ -60,7 +77,11 @@ class Limits(TypedDict, total=False):
     threads: _Whole | None
 
 @type_check_only
-class _Options(Limits, total=False):
+class Derived(Limits, total=False):
+    derivative: str | None
+
+@type_check_only
+class _Options(Derived, total=False):
     """Of all methods."""
 
     points: ArrayLike
@@ -105,17 +126,35 @@ class Scene:
         points: ArrayLike,
         normals: ArrayLike,
         progress: _Progress = None,
-        **limits: Unpack[Limits],
+        **limits: Unpack[Derived],
     ) -> Result: ...
     def face_irradiance(
         self,
         side: _Side = "front",
         progress: _Progress = None,
-        **limits: Unpack[Limits],
+        **limits: Unpack[Derived],
     ) -> Result: ...
     def vertex_irradiance(
-        self, progress: _Progress = None, **limits: Unpack[Limits]
+        self, progress: _Progress = None, **limits: Unpack[Derived]
     ) -> Result: ...
+    def view_factors(
+        self,
+        columns: Literal["faces", "materials", "objects", "groups"] = "faces",
+        *,
+        points: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+        side: _Side = "front",
+        progress: _Progress = None,
+        **limits: Unpack[Limits],
+    ) -> ViewFactors: ...
+    def daylight_coefficients(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike,
+        sky_patches: Literal[1, 2, 4] = 1,
+        progress: _Progress = None,
+        **limits: Unpack[Limits],
+    ) -> DaylightCoefficients: ...
     def render(
         self,
         position: _Numbers | None = None,

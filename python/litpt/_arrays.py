@@ -16,8 +16,8 @@ def numbers(name, values, shape, kinds="fiu", dtype=np.float64):
     except ValueError:
         raise ValueError(f"{name}: has rows of different lengths") from None
     if array.dtype.kind not in kinds and array.size:
-        raise ValueError(f"{name}: holds {array.dtype}, not "
-                         f"{'numbers' if 'f' in kinds else 'whole numbers'}")
+        wanted = {"fiu": "numbers", "iu": "whole numbers", "b": "bool"}[kinds]
+        raise ValueError(f"{name}: holds {array.dtype}, not {wanted}")
     if len(shape) != array.ndim or any(
             n not in (None, m) for n, m in zip(shape, array.shape)):
         wanted = str(shape).replace("None", "n")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import TypeAlias
 
-__all__ = ["Scene", "Job", "main", "Rendering", "version"]
+__all__ = ["Scene", "Job", "main", "matrix", "Sky", "Rendering", "version"]
 
 _Floats: TypeAlias = NDArray[np.float64]
 _Points: TypeAlias = tuple[_Floats, _Floats, str]
@@ -22,6 +22,36 @@ _Mesh: TypeAlias = tuple[
 version: str
 
 def main(words: Sequence[str | os.PathLike[str]]) -> int: ...
+def matrix(
+    rendering: Rendering, closes: bool
+) -> (
+    tuple[
+        list[NDArray[np.int64]],
+        list[_Floats],
+        list[list[str]],
+        list[float] | None,
+    ]
+    | None
+): ...
+
+@final
+class Sky:
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> Sky: ...
+    @property
+    def patches(self) -> int: ...
+    @property
+    def steps(self) -> int: ...
+    def lux(self, /, rendering: Rendering) -> list[_Floats]: ...
+    def year(
+        self,
+        /,
+        rendering: Rendering,
+        steps: Sequence[int],
+        enough: float,
+        useful: tuple[float, float],
+        part: float,
+    ) -> tuple[_Floats, list[float]]: ...
 
 @final
 class Scene:

@@ -11,11 +11,14 @@ import tempfile
 
 import numpy as np
 
+from . import _core
+
 
 # Options of `pt` that have other names here.
 _NAMES = {"spp": "samples", "resolution": "size", "integrator": "method",
           "error-norm": "norm", "faces": "side", "output": "path",
-          "input": "mesh"}
+          "input": "mesh", "view-factors": "columns",
+          "sky-patches": "sky_patches"}
 
 
 def _call(function, *arguments):
@@ -29,6 +32,14 @@ def _call(function, *arguments):
                   text)
     name = lambda match: _NAMES.get(match[1], match[1])
     raise ValueError(re.sub(r"(?<![\w-])--([a-z-]+)", name, text))
+
+
+def named(path):
+    """The path of a file as text."""
+    path = os.fsdecode(path)
+    if path in ("", "-"):
+        raise ValueError(f"path = {path!r}: names no file")
+    return path
 
 
 class Estimate:
@@ -83,34 +94,19 @@ def rounded(value, stderr):
     return f"{value:.{places}f} ± {stderr:.{places}f}"
 
 
-class Result(Estimate):
-    """What a run has found. Besides `value` and `stderr`:
-
-    samples
-        int64, of the same shape.
-    filtered, filtered_stderr
-        A picture with less noise and its error, float64; None for receivers
-        and if there are too few samples.
-    method, stopped, seconds, unit
-        How it was rendered; why that ended: by "samples", "time", "error", an
-        "interrupt", or "not yet"; the seconds of rendering; and the unit.
-    constant
-        How many saw one value only, so that their error is 0, and hidden.
-    command
-        The line of `pt` that gives the same bits, or None.
-
-    Two parts of one run add up to the bits of the whole.
-    """
+class Run:
+    """What each result of a run has, and how parts of a run are added."""
 
     def __init__(self, scene, shape, words, points, core, states=()):
         self._scene, self._shape, self._points = scene, shape, points
         self._words, self._core, self._states = words, core, list(states)
         numbers = [array.reshape(shape) for array in core.values()]
-        super().__init__(*numbers[:2])
+        self._numbers(*numbers[:2])
         self.samples = np.nan_to_num(numbers[2]).astype(np.int64)
         self.method, self.stopped, self.seconds, self.constant = core.facts()
-        self.unit = ("radiance (uniform sky = 1)" if self._is_image else
-                     "irradiance (horizontal in the open = 1)")
+
+    def _numbers(self, value, stderr):
+        """Keeps the sums of rows, if they are of use."""
 
     @property
     def command(self):
@@ -134,22 +130,90 @@ class Result(Estimate):
         return self._states or [bytes(self._rendering().state())]
 
     def __getstate__(self):
-        self._blocks
+        self._blocks, self._entries
         return {**self.__dict__, "_states": self._parts(), "_core": None}
 
     def __add__(self, other):
-        if not isinstance(other, Result):
+        if not isinstance(other, type(self)):
             is_zero = isinstance(other, int) and other == 0  # as sum adds
             return self if is_zero else NotImplemented
         words = [word for word in self._words if "--samples=" not in word]
-        states = self._parts() + other._parts()
-        core = _call(self._scene._core.restore, words, self._points, states)
-        whole = Result(self._scene, self._shape, words, self._points, core, states)
+        whole = self._restored(words, self._parts() + other._parts())
         blocks = zip(self._blocks, other._blocks)
         whole._blocks = tuple(np.concatenate(pair) for pair in blocks)
         return whole
 
     __radd__ = __add__
+
+    def _restored(self, words, states):
+        """The result of these words whose parts have these states."""
+        core = _call(self._scene._core.restore, words, self._points, states)
+        return type(self)(self._scene, self._shape, words, self._points, core,
+                          states)
+
+    @functools.cached_property
+    def _blocks(self):
+        """How many samples each block has, and the means of its own."""
+        counts, means = self._rendering().blocks()
+        means = means.reshape(-1, *self.samples.shape)
+        sizes = np.diff(counts, prepend=0)
+        sums = np.diff((counts * means.T).T, axis=0, prepend=0)
+        return sizes, (sums.T / sizes).T
+
+    @functools.cached_property
+    def _entries(self):
+        """The matrix of a tally: where rows begin, and columns; values and
+        errors; names of rows and of columns; and moves. None without."""
+        closes = "--closed" in self._words
+        return _call(_core.matrix, self._rendering(), closes)
+
+    def _dense(self):
+        """Values and errors of a tally; a row is nan if it has no value."""
+        (starts, columns), numbers, names, _ = self._entries
+        rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        both = np.zeros((2, *map(len, names)))
+        both[:, rows, columns] = numbers
+        both[:, np.isnan(both[0, :, -1])] = np.nan
+        return both
+
+    def _facts(self):
+        hidden = f", {self.constant} saw one value" if self.constant else ""
+        return (f"{self.unit}; {self.method}, {self.samples.max()} samples, "
+                f"{self.seconds:.2f} s, stopped by {self.stopped}{hidden}")
+
+
+class Result(Run, Estimate):
+    """What a run has found. Besides `value` and `stderr`:
+
+    samples
+        int64, of the same shape.
+    filtered, filtered_stderr
+        A picture with less noise and its error, float64; None for receivers
+        and if there are too few samples.
+    derivative
+        That by an albedo, an Estimate of the same shape, if it was asked for;
+        else None.
+    method, stopped, seconds, unit
+        How it was rendered; why that ended: by "samples", "time", "error", an
+        "interrupt", or "not yet"; the seconds of rendering; and the unit.
+    constant
+        How many saw one value only, so that their error is 0, and hidden.
+    command
+        The line of `pt` that gives the same bits, or None.
+
+    Two parts of one run add up to the bits of the whole.
+    """
+
+    def _numbers(self, value, stderr):
+        Estimate.__init__(self, value, stderr)
+        self.unit = ("radiance (uniform sky = 1)" if self._is_image else
+                     "irradiance (horizontal in the open = 1)")
+
+    @functools.cached_property
+    def derivative(self):
+        if self._entries is None:
+            return None
+        return Estimate(*(x.reshape(self._shape) for x in self._dense()))
 
     @functools.cached_property
     def _filtered(self):
@@ -158,15 +222,6 @@ class Result(Estimate):
 
     filtered = property(lambda self: self._filtered[0])
     filtered_stderr = property(lambda self: self._filtered[1])
-
-    @functools.cached_property
-    def _blocks(self):
-        """How many samples each block has, and the means of its own."""
-        counts, means = self._rendering().blocks()
-        means = means.reshape(-1, *self.value.shape)
-        sizes = np.diff(counts, prepend=0)
-        sums = np.diff((counts * means.T).T, axis=0, prepend=0)
-        return sizes, (sums.T / sizes).T
 
     def weighted_sum(self, weights):
         """The sum of all values, each times its weight, as an Estimate: ().
@@ -206,9 +261,7 @@ class Result(Estimate):
         """Writes a file by its extension, in place of one that exists: places
         as .csv, .ply or, for vertices, .obj; pixels as .exr, .pfm, .png, .pgm
         or a page .html; the state of the run as .litpt; a report as .json."""
-        path = os.fsdecode(path)
-        if path in ("", "-"):
-            raise ValueError(f"path = {path!r}: names no file")
+        path = named(path)
         is_report = path.endswith((".json", ".html"))
         words = [f"--{'report' if is_report else 'output'}={path}", "--force"]
         if exposure is not None:
@@ -223,11 +276,6 @@ class Result(Estimate):
         names = ["value", "stderr", "samples"]
         arrays = {name: (dims, getattr(self, name)) for name in names}
         return xarray.Dataset(arrays, attrs=facts)
-
-    def _facts(self):
-        hidden = f", {self.constant} saw one value" if self.constant else ""
-        return (f"{self.unit}; {self.method}, {self.samples.max()} samples, "
-                f"{self.seconds:.2f} s, stopped by {self.stopped}{hidden}")
 
     def __repr__(self):
         return f"{super().__repr__()}\n{self._facts()}"

@@ -4,6 +4,7 @@
 //! The compiled half of the Python package `litpt`.
 
 mod job;
+mod matrix;
 mod mesh;
 mod rays;
 mod rendering;
@@ -31,7 +32,9 @@ use rayon::ThreadPoolBuilder;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::{Scene, job::Job, main, rendering::Rendering};
+    use super::{Scene, job::Job, main, matrix::matrix};
+    #[pymodule_export]
+    use super::{matrix::Sky, rendering::Rendering};
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const version: &str = env!("CARGO_PKG_VERSION");
@@ -45,7 +48,7 @@ fn main(py: Python, words: Vec<std::ffi::OsString>) -> u8 {
 
 /// An error of the library as Python has it.
 fn refused(error: Error) -> PyErr {
-    let text = error.to_string();
+    let text = options::by_option(&error);
     let number = text.split("(os error ").nth(1);
     let number = number.and_then(|rest| rest.split(')').next());
     if let Some(number) = number.and_then(|n| n.parse::<i32>().ok()) {

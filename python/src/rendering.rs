@@ -55,7 +55,7 @@ impl Blocks {
 }
 
 /// Arrays of one number for each pixel or receiver.
-type Numbers<'py> = Bound<'py, PyArray1<f64>>;
+pub type Numbers<'py> = Bound<'py, PyArray1<f64>>;
 
 impl Rendering {
     /// Why the run has ended.

@@ -349,6 +349,210 @@ def test_xarray(points):
     assert room.render(size=(8, 6), samples=4).to_xarray().value.dims == ("y", "x")
 
 
+# ---- view factors
+
+
+def entries(path):
+    """The value and the error of each row and column of a matrix of pt."""
+    with open(path, newline="") as file:
+        rows = list(csv.reader(file))[1:]
+    return {(row, column): (float(value), float(error)) for row, column, value, error in rows}
+
+
+def listed(names, columns, values, errors):
+    """The same of ours, sparse or not."""
+    values, errors = (a.toarray() if hasattr(a, "toarray") else a for a in (values, errors))
+    seen = np.argwhere(values > 0)
+    return {(names[i], columns[j]): (values[i, j], errors[i, j]) for i, j in seen}
+
+
+def numbered(result):
+    return listed(result.rows, result.columns, result.matrix, result.stderr)
+
+
+@pytest.mark.parametrize("columns, side", [("faces", "both"), ("faces", "front"), ("materials", "back"), ("groups", "both")])
+def test_view_factors_have_the_numbers_of_pt(pt, columns, side):
+    room = litpt.Scene(ROOM, albedo="materials", ground=0.2)
+    ours = room.view_factors(columns, side=side, samples=256, seed=3)
+    theirs = entries(pt(ours.command) / "values.csv")
+    assert numbered(ours) == theirs and len(theirs) > 10
+    assert ours.columns[-2:] == ["sky", "ground"] and ours.moves is None
+    assert abs(ours.matrix.sum(axis=1) - 1).max() < 1e-9
+    assert ours.matrix.shape == (len(ours.rows), len(ours.columns))
+    assert ours.samples.shape == ((9, 2) if side == "both" else (9,))
+
+
+def test_files_of_view_factors_have_the_bytes_of_pt(pt, tmp_path):
+    ours = litpt.Scene(ROOM, albedo="materials").view_factors(samples=256)
+    for one in [ours, ours.closed(), pickle.loads(pickle.dumps(ours.closed()))]:
+        for ending in ["csv", "vf", "svf", "json"]:
+            one.save(tmp_path / f"ours.{ending}")
+            pt(one.command + f" -f -o theirs.{ending}")
+            assert (tmp_path / f"ours.{ending}").read_bytes() == (tmp_path / f"theirs.{ending}").read_bytes()
+    with pytest.raises(ValueError, match="a.ply: view factors"):
+        ours.save(tmp_path / "a.ply")
+
+
+def test_view_factors_of_points(pt, points):
+    room = litpt.Scene(ROOM, albedo="materials")
+    ours = room.view_factors("materials", points=points, normals=UP, samples=128)
+    text = "\n".join(" ".join(map(repr, map(float, p))) + " 0 0 1" for p in points)
+    folder = pt("pt -h")
+    (folder / "grid.txt").write_text(text)
+    pt(f"pt {ROOM} --materials --points grid.txt --view-factors materials -n 128 -o a.csv")
+    assert numbered(ours) == entries(folder / "a.csv")
+    assert ours.rows == [str(n) for n in range(1, 41)]
+
+
+def test_closed_view_factors_are_reciprocal(box):
+    """Inside a box, two faces exchange the same, and rows sum to 1."""
+    found = litpt.Scene(box, albedo=0.5).view_factors(side="back", samples=1024)
+    closed = found.closed()
+    dense = closed.matrix.toarray() if hasattr(closed.matrix, "toarray") else closed.matrix
+    areas = np.array([12, 8, 8, 6, 6])
+    assert abs(dense.sum(axis=1) - 1).max() < 1e-9
+    flow = areas[:, None] * dense[:, :5]
+    assert abs(flow - flow.T).max() < 1e-9 < abs(dense[:, :5] - dense[:, :5].T).max()
+    assert 0 < closed.moves[1] < closed.moves[0] < 6
+    again = pickle.loads(pickle.dumps(closed))
+    assert again.moves == closed.moves and numbered(again) == numbered(closed)
+    assert numbered(closed.closed()) == numbered(closed) != numbered(found)
+
+
+def test_view_factors_without_scipy(box, monkeypatch):
+    scene = litpt.Scene(box, albedo=0.5)
+    sparse = scene.view_factors(samples=64)
+    expected = numbered(sparse)
+    monkeypatch.setitem(sys.modules, "scipy.sparse", None)
+    dense = scene.view_factors(samples=64)
+    assert isinstance(dense.matrix, np.ndarray) and numbered(dense) == expected
+
+
+def test_parts_of_matrices_add_up(points, box):
+    scene = litpt.Scene(box, albedo=0.5)
+    both = [lambda **some: scene.view_factors(**some),
+            lambda **some: scene.daylight_coefficients(points / 2, UP, **some)]
+    for make in both:
+        parts = [make(samples=slice(a, a + 256), of=512) for a in (256, 0)]
+        whole, added = make(samples=512), sum(pickle.loads(pickle.dumps(parts)))
+        assert added._entries[2:] == whole._entries[2:]
+        for ours, theirs in zip(added._entries[0] + added._entries[1], whole._entries[0] + whole._entries[1]):
+            assert np.array_equal(ours, theirs)
+
+
+def test_rows_without_a_value_are_not_numbers():
+    scene = litpt.Scene(QUAD, albedo=0)
+    with pytest.warns(UserWarning, match="no value for 1 of 2 points"):
+        found = scene.view_factors(points=[[0.5, 0.5, 0], [0.5, 0.5, 1]], normals=[1, 0, 0], samples=64)
+    sums = np.asarray(found.matrix.sum(axis=1)).ravel()
+    assert np.isnan(sums).tolist() == [True, False] and sums[1] == pytest.approx(1)
+    assert (found.samples == 0).tolist() == [True, False]
+
+
+def test_a_derivative_has_the_numbers_of_pt(pt):
+    room = litpt.Scene(ROOM, albedo="materials")
+    ours = room.face_irradiance("both", derivative="walls", samples=256)
+    with open(pt(ours.command) / "values.csv", newline="") as file:
+        theirs = [[row["d_value"], row["d_stderr"]] for row in csv.DictReader(file)]
+    theirs = np.array(theirs, np.float32).T.reshape(2, -1, 2)
+    for result in [ours, pickle.loads(pickle.dumps(ours))]:
+        slope = np.float32([result.derivative.value, result.derivative.stderr])
+        assert np.array_equal(slope, theirs, equal_nan=True) and slope.max() > 0
+    assert room.face_irradiance(samples=16).derivative is None
+    *_, last = room.steps("face_irradiance", derivative="walls", samples=16)
+    assert last.derivative.value.shape == last.value.shape
+
+
+# ---- daylight
+
+
+def test_a_year_has_the_numbers_of_ptimg(pt, points, sky):
+    room, folder = litpt.Scene(ROOM, albedo="materials", ground=0.2), sky.parent
+    ours = room.daylight_coefficients(points, UP, samples=1024, seed=5)
+    text = "\n".join(" ".join(map(repr, map(float, p))) + " 0 0 1" for p in points)
+    (folder / "grid.txt").write_text(text)
+    pt(f"pt {ROOM} --points grid.txt --materials --ground 0.2 -n 1024 --seed 5 "
+       "--sky-patches 1 -o D.mtx -o D.csv -o D.litpt")
+    assert listed(ours.rows, ours.columns, ours.value, ours.stderr) == entries(folder / "D.csv")
+    for ending in ["mtx", "csv"]:
+        ours.save(folder / f"ours.{ending}")
+        assert (folder / f"ours.{ending}").read_bytes() == (folder / f"D.{ending}").read_bytes()
+    ours.save(folder / "ours.litpt")
+    assert ours.value.shape == ours.stderr.shape == (40, 146)
+    light = pickle.loads(pickle.dumps(ours)) @ litpt.read_sky(sky)
+    (folder / "hours.txt").write_text(" ".join("01"[h % 24 in (11, 12)] for h in range(96)))
+    for state, hours, mask in [("D", "8..18", None), ("ours", "hours.txt", np.isin(np.arange(96) % 24, [11, 12]))]:
+        pt(f"ptimg daylight {state}.litpt sky.smx --enough 200 --part 0.4 --useful 50..500 "
+           f"--hours {hours} -f -o year.csv --illuminance lux.csv")
+        year = np.loadtxt(folder / "year.csv", delimiter=",", skiprows=1)
+        da, udi = light.autonomy(200, hours=mask), light.useful(50, 500, hours=mask)
+        assert np.array_equal(np.column_stack([da.value, da.low, da.high]), year[:, 1:4])
+        assert np.array_equal(np.column_stack([udi.value, udi.low, udi.high]), year[:, 4:])
+        assert da.value.min() < da.value.max() and (da.low < da.high).any()
+        lux = np.loadtxt(folder / "lux.csv", delimiter=",", skiprows=1)
+        sensor, step = lux[:, 0].astype(int) - 1, lux[:, 1].astype(int)
+        assert abs(light.value[sensor, step] - lux[:, 2]).max() < 5.1e-5
+        assert abs(light.stderr[sensor, step] - lux[:, 3]).max() < 5.1e-5
+    sda = light.sda(200, 0.4)
+    passed = (light.autonomy(200).value >= 0.4).mean()
+    assert sda.low <= sda.value == passed <= sda.high and sda.value.shape == ()
+    assert light.value.shape == (40, 96) and light.value[:, :6].max() == 0
+
+
+def test_coefficients_sum_to_the_irradiance_of_a_uniform_sky(points):
+    """A radiance of 1 / pi of all patches, but not of the ground, is that sky."""
+    room = litpt.Scene(ROOM, albedo="materials")
+    found = room.daylight_coefficients(points, UP, samples=2048)
+    plain = room.irradiance(points, UP, samples=2048, seed=1)
+    apart = found.value[:, 1:].sum(axis=1) / np.pi - plain.value
+    errors = np.hypot(np.linalg.norm(found.stderr[:, 1:], axis=1) / np.pi, plain.stderr)
+    assert (abs(apart) < 5 * errors).all() and errors.max() < 0.02
+
+
+def test_sensors_without_a_value_are_not_numbers(sky):
+    scene = litpt.Scene(QUAD, albedo=0)
+    with pytest.warns(UserWarning, match="no value for 1 of 2 points"):
+        found = scene.daylight_coefficients([[0.5, 0.5, 0], [0.5, 0.5, 1]], [1, 0, 0])
+    light = found @ litpt.read_sky(sky)
+    for numbers in [found.value, found.stderr, light.value, light.stderr]:
+        assert np.isnan(numbers).tolist() == [[True] * len(numbers[0]), [False] * len(numbers[0])]
+    assert np.isnan(light.autonomy().value).tolist() == [True, False]
+    assert light.sda(1, 0.1).value == 1  # of the sensors that have one
+
+
+def refused_sky(tmp_path, **head):
+    """Reads a sky matrix with these entries of its header."""
+    head = dict(NROWS=2, NCOLS=24, NCOMP=3, FORMAT="ascii") | head
+    text = "#?RADIANCE\n" + "".join(f"{a}={b}\n" for a, b in head.items()) + "\n"
+    path = tmp_path / "a.smx"
+    path.write_text(text + "1 " * 144)
+    return litpt.read_sky(path)
+
+
+def test_faults_of_a_year(tmp_path, sky, points):
+    with pytest.raises(FileNotFoundError, match="nowhere.smx"):
+        litpt.read_sky("nowhere.smx")
+    with pytest.raises(ValueError, match="a.smx: its FORMAT is 32-bit"):
+        refused_sky(tmp_path, FORMAT="32-bit")
+    small, whole = refused_sky(tmp_path), litpt.read_sky(sky)
+    assert (small.patches, small.steps, whole.patches, whole.steps) == (2, 24, 146, 96)
+    found = litpt.Scene(QUAD).daylight_coefficients(points, UP, samples=32)
+    few = litpt.Scene(QUAD).daylight_coefficients(points, UP, samples=8)
+    light = found @ whole
+    with pytest.raises(TypeError):
+        found @ found.value.T
+    for text, fault in [
+            ("the sky has 2 patches, and the coefficients have 146", lambda: found @ small),
+            ("replicates of the coefficients are too few", lambda: (few @ whole).autonomy()),
+            ("hours: expected shape", lambda: light.sda(hours=[True] * 95)),
+            ("hours: holds int64, not bool", lambda: light.sda(hours=[1] * 96)),
+            ("hours: no step counts", lambda: light.sda(hours=[False] * 96)),
+            ("enough.* nan", lambda: light.sda(np.nan)),
+            ("least = 5.0: more than most = 4", lambda: light.useful(5, 4))]:
+        with pytest.raises(ValueError, match=text):
+            fault()
+
+
 # ---- rays
 
 
@@ -608,6 +812,18 @@ ROWS = np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]])
     (ValueError, "its own position", lambda: litpt.Scene(QUAD).render(position=(1, 0, 0), target=(1, 0, 0))),
     (ValueError, "view = inside", lambda: litpt.Scene(QUAD).render(view="inside")),
     (ValueError, r"ray_directions\[1\]", lambda: litpt.Scene(QUAD).intersects_any(ROWS, ROWS * [[1], [0]])),
+    (ValueError, "columns = walls", lambda: litpt.Scene(QUAD).view_factors("walls")),
+    (ValueError, "columns = None", lambda: litpt.Scene(QUAD).view_factors(None)),
+    (ValueError, "side = 'back': points", lambda: litpt.Scene(QUAD).view_factors(points=ROWS, normals=UP, side="back")),
+    (ValueError, "points: holds object", lambda: litpt.Scene(QUAD).view_factors(normals=UP)),
+    (ValueError, "method.* sobol alone", lambda: litpt.Scene(QUAD).view_factors(method="gather")),
+    (ValueError, "faces as rows and as columns", lambda: litpt.Scene(QUAD).view_factors("materials", samples=64).closed()),
+    (TypeError, "no argument 'column'", lambda: litpt.Scene(QUAD).view_factors(column="faces")),
+    (ValueError, "sky_patches 3: expected 1, 2 or 4", lambda: litpt.Scene(QUAD).daylight_coefficients(ROWS, UP, 3)),
+    (ValueError, "needs the uniform sky", lambda: litpt.Scene(QUAD, sky="overcast").daylight_coefficients(ROWS, UP)),
+    (ValueError, r"called roof \(derivative", lambda: litpt.Scene(ROOM, albedo={None: 0.5}).irradiance(ROWS, UP, derivative="roof")),
+    (ValueError, "derivative", lambda: litpt.Scene(ROOM, albedo={None: 0}).irradiance(ROWS, UP, derivative="walls")),
+    (TypeError, "no argument 'derivative'", lambda: litpt.Scene(QUAD).render(derivative="walls")),
     (ValueError, "none of the points", lambda: litpt.Scene(QUAD).irradiance([[0.5, 0.5, 0]], (1, 0, 0))),
 ])
 def test_faults_name_what_is_wrong(kind, text, fault):
