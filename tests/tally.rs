@@ -230,13 +230,12 @@ fn closing_finds_the_nearest_matrix_of_random_ones() {
     for n in [2, 5, 40] {
         // A true symmetric exchange, and rows that scatter around it
         let mut exchange = vec![vec![0.; n + 1]; n];
-        for i in 0..n {
-            for j in i..=n {
-                let value = if i == j { 0. } else { random.random() };
-                exchange[i][j] = value;
-                if j < n {
-                    exchange[j][i] = value;
-                }
+        let pairs = (0..n).flat_map(|i| (i + 1..=n).map(move |j| (i, j)));
+        for (i, j) in pairs {
+            let value = random.random();
+            exchange[i][j] = value;
+            if j < n {
+                exchange[j][i] = value;
             }
         }
         let areas: Vec<f64> =
@@ -381,7 +380,7 @@ fn sky(
             let value = of(patch, step);
             match format {
                 "ascii" => {
-                    write!(bytes, "{value} {value} {value}\n").unwrap()
+                    writeln!(bytes, "{value} {value} {value}").unwrap()
                 }
                 "float" => {
                     bytes.extend([(value as f32).to_le_bytes(); 3].concat())
