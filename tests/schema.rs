@@ -120,6 +120,12 @@ fn reports() -> Vec<Value> {
     let sky = "--ground 0.2 --sky overcast";
     place.free(&format!("{points} {sky} {files}")).succeeded();
     let of_points = place.json("r.json");
+    let of_faces = ["--closed", ""].map(|closed| {
+        let line = "room.obj --faces --view-factors=faces -n64 -r0 -q -f";
+        let line = format!("{line} {closed} -o f.csv --report=r.json");
+        place.free(&line).succeeded();
+        place.json("r.json")
+    });
     let parts =
         ["--samples=0..4 -j1 -oa.litpt", "--samples=4..8 -j2 -ob.litpt"];
     let parts = parts.map(|part| {
@@ -135,7 +141,7 @@ fn reports() -> Vec<Value> {
     let mut begun: Value = serde_json::from_str(&begun).unwrap();
     begun["settings"] = first["settings"].clone();
     let parts = parts.into_iter().chain([merged]);
-    let all = [first, begun, of_points].into_iter();
+    let all = [first, begun, of_points].into_iter().chain(of_faces);
     all.chain(rest).chain(parts).collect()
 }
 
