@@ -47,8 +47,9 @@ import numpy as np
 
 CELLS = 64  # along an edge
 DEFAULTS = {'scenes': 500, 'samples': 1 << 18,  # of polygons
-            'rays': 1 << 15, 'rounds': 5,  # of raystrack, from a face
+            'rounds': 2,  # of raystrack
             'threads': 2}
+RAYS = 1 << 12, 1 << 15  # of raystrack, from a face
 PACKAGES = 'numpy numba pyviewfactor raystrack'.split()
 
 
@@ -113,10 +114,11 @@ class Ours:
                     print('v', *(f'{x:.9g}' for x in corner), file=out)
                 print('f', *range(-len(corners), 0), file=out)
 
-    def run(self, n, seed=1):
+    def run(self, n, seed=1, more=()):
         """Computes factors: seconds and peak megabytes."""
         words = (self.pt, self.scene, '--faces', '--view-factors', 'faces',
-                 '-n', n, '-s', seed, '-j', self.threads, '-f', '-o', self.out)
+                 '-n', n, '-s', seed, '-j', self.threads, '-f', '-o', self.out,
+                 *more)
         began = time.monotonic()
         done = subprocess.run([str(it) for it in words], text=True,
                               capture_output=True)
@@ -277,7 +279,7 @@ def compare_polygons(options, ours):
     return p >= 1e-3
 
 
-def raystrack_runs(options, faces):
+def raystrack_runs(options, faces, rays):
     """A function of a seed: whole seconds, seconds of tracing, and factors."""
     import numba
     import raystrack as it
@@ -295,10 +297,10 @@ def raystrack_runs(options, faces):
         # A face of area 1 or less has 16 cells, the fewest; the numbers of
         # rows are added to seeds
         chosen = it.SolveOptions(
-            it.Sampling(density=16, rays_per_cell=options.rays // 16,
+            it.Sampling(density=16, rays_per_cell=rays // 16,
                         seed=seed * 1000003),
             it.Accuracy(max_replicates=1, min_replicates=1),
-            batch_size=options.rays)
+            batch_size=rays)
         traced.clear()
         began = time.monotonic()
         rows = [solver.solve(
@@ -321,29 +323,43 @@ def compare_raystrack(options, ours):
     faces = town(6, 6)
     count, agree, seeds = len(faces), True, range(1, options.rounds + 1)
     ours.write(faces)
-    *seconds, theirs = zip(*map(raystrack_runs(options, faces), seeds))
-    theirs_each = np.var(theirs, axis=0, ddof=1)
-    theirs_variance = theirs_each[:, :count].mean()
-    say('raystrack', rays=options.rays, variance=theirs_variance)
-    for budget, limit in zip(('whole', 'traced'), map(np.median, seconds)):
-        n, taken, found = 32, [], []
-        while ours.run(2 * n)[0] < limit:
-            n *= 2
-        for seed in seeds:
-            taken.append(ours.run(n, seed)[0])
-            found.append(ours.factors()[0])
-        each = np.var(found, axis=0, ddof=1)
-        variance = each[:, :count].mean()
-        say(f'raystrack in {budget} time', seconds=limit, samples=n,
-            ours_seconds=np.median(taken), ours_variance=variance,
-            ratio_of_variances=theirs_variance / variance)
+    for rays in RAYS:
+        *seconds, theirs = zip(*map(raystrack_runs(options, faces, rays),
+                                    seeds))
+        theirs_each = np.var(theirs, axis=0, ddof=1)
+        theirs_variance = theirs_each[:, :count].mean()
+        say(f'raystrack with {rays} rays', variance=theirs_variance)
+        whole, traced = map(np.median, seconds)
+        for name, limit, more in (('whole', whole, ()),
+                                  ('whole closed', whole, ['--closed']),
+                                  ('traced', traced, ())):
+            task = f'{rays} rays in {name} time'
+            agree &= compare_at(options, ours, task, limit, more, seeds,
+                                (theirs, theirs_each))
+    return agree
+
+
+def compare_at(options, ours, task, limit, more, seeds, others):
+    """Whether the means are the same if ours take so many seconds."""
+    (theirs, theirs_each), count = others, ours.count
+    trial = 2048
+    n = int(0.95 * trial * limit / ours.run(trial, 0, more)[0])
+    taken, found = [], []
+    for seed in seeds:
+        taken.append(ours.run(n, seed, more)[0])
+        found.append(ours.factors()[0])
+    each = np.var(found, axis=0, ddof=1)
+    variance, agree = each[:, :count].mean(), True
+    say(task, seconds=limit, samples=n,
+        ours_seconds=np.median(taken), ours_variance=variance,
+        ratio_of_variances=theirs_each[:, :count].mean() / variance)
+    if not more:
         gap = (np.mean(theirs, axis=0) - np.mean(found, axis=0)) ** 2
         for name, part in (('faces', np.s_[:, :count]),
                            ('sky and ground', np.s_[:, count:])):
             ratio = options.rounds * gap[part].sum() / (
                 each + theirs_each)[part].sum()
-            say(f'raystrack in {budget} time',
-                **{f'disagreement of {name}': ratio})
+            say(task, **{f'disagreement of {name}': ratio})
             agree &= ratio < 1.5
     return agree
 

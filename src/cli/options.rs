@@ -265,9 +265,9 @@ pub struct LimitOptions {
 pub struct OutputOptions {
     /// File to write: an image, .pgm, .png, .pfm or .exr; values of receivers,
     /// .csv, .ply or, of vertices, .obj; view factors, .csv, .vf (View3D), .svf
-    /// (uDALES) or .json (EnergyPlus); coefficients, .csv or .mtx (Radiance); or the state of the run, .litpt, as
-    /// --checkpoint does; may be repeated [default: -, standard output, or on a
-    /// terminal a PNG beside the scene]
+    /// (uDALES) or .json (EnergyPlus); coefficients, .csv or .mtx (Radiance); or
+    /// the state of the run, .litpt, as --checkpoint does; may be repeated
+    /// [default: -, standard output, or on a terminal a PNG beside the scene]
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
 

@@ -12,7 +12,8 @@
 //! // Two replicates of two samples: column 7 gets three of the four.
 //! let mut row = vec![];
 //! for contributions in [[7, 7], [7, 9]] {
-//!     let mut sums = Contribution::sums(contributions.map(|c| Contribution::new(0, c, 1.)));
+//!     let new = |c| Contribution::new(0, c, 1.);
+//!     let mut sums = Contribution::sums(contributions.map(new));
 //!     Entry::add_all(&mut row, &Entry::rows(&mut sums, 1)[0]);
 //! }
 //! let columns: Vec<_> = row.iter().map(|entry| entry.column).collect();
