@@ -249,13 +249,14 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// The interval of a number from its values in resampled runs.
-    fn new(value: f64, mut resampled: Vec<f64>) -> Self {
-        resampled.sort_by(f64::total_cmp);
-        let last = resampled.len() - 1;
-        let quantile =
-            |part: f64| resampled[(part * last as f64).round() as usize];
-        Self { value, ends: [quantile(0.025), quantile(0.975)] }
+    /// The interval of a part of a whole from its values in resampled runs.
+    fn new(value: f64, resampled: &[f64]) -> Self {
+        let away = resampled.iter().map(|other| (other - value).abs());
+        let mut away: Vec<f64> = away.collect();
+        away.sort_by(f64::total_cmp);
+        let most = (0.95 * (away.len() - 1) as f64).ceil() as usize;
+        let ends = [value - away[most], value + away[most]];
+        Self { value, ends: ends.map(|end| end.clamp(0., 1.)) }
     }
 }
 
@@ -330,10 +331,10 @@ impl Year {
                 found.iter().flatten().map(|parts| passes(parts[0][k]));
             those.sum::<f64>() / count
         };
-        let runs = (1..=RUNS as usize).map(spatial).collect();
-        let spatial = Interval::new(spatial(0), runs);
+        let runs: Vec<_> = (1..=RUNS as usize).map(spatial).collect();
+        let spatial = Interval::new(spatial(0), &runs);
         let interval =
-            |parts: Vec<f64>| Interval::new(parts[0], parts[1..].to_vec());
+            |parts: Vec<f64>| Interval::new(parts[0], &parts[1..]);
         let both = |parts: [Vec<f64>; 2]| parts.map(interval);
         let sensors = found.into_iter().map(|one| one.map(both)).collect();
         Ok(Self { sensors, spatial })
