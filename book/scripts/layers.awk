@@ -11,7 +11,7 @@
 function chapter(module) {
     return module == "main" || module == "cli" ? "program" : \
         module == "host" || module == "inputs" ? "plan" : \
-        module == "key" ? "state" : \
+        module == "key" ? "state" : module == "matrix" ? "tally" : \
         module == "error" ? "errors" : module
 }
 
