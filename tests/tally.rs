@@ -180,6 +180,21 @@ fn both_sides_of_a_face_are_two_rows_and_two_columns() {
     }
 }
 
+#[test]
+fn a_face_above_shows_its_back() {
+    let sensor = SensorPlan::Faces { side: Side::Both, radiosity: false };
+    let plan = plan(sensor, Tally::ViewFactors(Surface::Faces), 1 << 10);
+    let square = |z: f64| rectangle(z * DVec3::Z, DVec3::X, DVec3::Y);
+    let world = world(&(square(0.) + &square(0.1)), &plan, DVec3::Z);
+    let film = film(&world, &plan);
+    let columns = |row: &Vec<Cell>| -> Vec<u32> {
+        row.iter().map(|cell| cell.0).collect()
+    };
+    let rows = rows(&world.matrix(&film).unwrap());
+    let seen: Vec<_> = rows.iter().map(columns).collect();
+    assert_eq!(seen, [vec![3, 4], vec![5], vec![4], vec![0, 5]]);
+}
+
 /// The sums of a plan as a state holds them.
 fn state(world: &World, plan: &Plan, threads: usize) -> Vec<u8> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -273,6 +288,22 @@ fn closing_finds_the_nearest_matrix_of_random_ones() {
         }
         assert!(closed.moves[0] < 8. && closed.moves[1] < 1.5);
     }
+    // The nearest matrix by hand: all but one number move by one error
+    let rows = [
+        vec![(1, 0.30, 0.01), (2, 0.69, 0.01)],
+        vec![(0, 0.14, 0.01), (2, 0.86, 0.01)],
+    ];
+    let row = |i: usize| Some(rows[i].clone());
+    let closed = Closed::new(&[1., 2.], &row, &|_| 100_000).unwrap();
+    for (i, exact) in [[0.30, 0.70], [0.15, 0.85]].into_iter().enumerate() {
+        for ((_, value, _), exact) in
+            closed.row(i).unwrap().into_iter().zip(exact)
+        {
+            assert!((value - exact).abs() < 1e-12, "{value}, not {exact}");
+        }
+    }
+    assert!((closed.moves[0] - 1.).abs() < 1e-9);
+    assert!((closed.moves[1] - 0.75).abs() < 1e-9);
     // Two faces that see nothing but each other have one area
     let rows = [vec![(1, 1., 0.)], vec![(0, 1., 0.)]];
     let row = |i: usize| Some(rows[i].clone());
