@@ -54,11 +54,13 @@ function hear(told) {
   by("fault").textContent = state.fault ?? "";
   if (!state.settings) return;
   const { settings } = state;
-  if (!view || (state.number >= sent && !view.isNew)) {
+  const isOurs = view?.words
+    && Object.entries(view.words).every(([name, s]) => settings[name] === s);
+  if (!view || (state.number >= sent && !view.isNew && !isOurs)) {
     const vector = (name) => settings[name].split(",").map(Number);
-    view = { position: vector("-p"), target: vector("-t"), up: vector("-u"),
-      fov: Number(settings["-F"]) };
+    view = { position: vector("-p"), target: vector("-t"), up: vector("-u") };
   }
+  view.fov = Number(settings["-F"]);
   exposure ??= String(state.exposure?.stops ?? "auto");
   document.title = `${state.scene} - ptview`;
   document.querySelector("h1").textContent = state.scene;
@@ -196,8 +198,9 @@ async function send() {
     const size = Math.log10(Math.hypot(...add(target, position, -1)));
     const digits = Math.min(20, Math.max(0, 4 - Math.floor(size)));
     const typed = (v, n) => v.map((x) => +x.toFixed(n)).join();
-    await change({ "-p": typed(position, digits), "-t": typed(target, digits),
-      "-u": typed(up, 6), "--view": null,
+    view.words = { "-p": typed(position, digits),
+      "-t": typed(target, digits), "-u": typed(up, 6) };
+    await change({ ...view.words, "--view": null,
       "--zenith": state.settings["--zenith"] ?? state.zenith.join() });
   }
   moves = false;

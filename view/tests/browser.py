@@ -139,7 +139,9 @@ def check(what, holds):
 
 
 TEXT = '(document.getElementById("{}")?.textContent ?? "")'
-STATUS, COMMAND = TEXT.format('status'), TEXT.format('command')
+STATUS = TEXT.format('status')
+# The command without the error, which becomes smaller while nobody moves.
+COMMAND = TEXT.format('command') + '.replace(/--error=\\S+ /, "")'
 # Counts images by the moment at which they are put on the canvas.
 COUNT = '''window.shown = 0; window.last = null;
 const put = CanvasRenderingContext2D.prototype.putImageData;
