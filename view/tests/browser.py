@@ -139,9 +139,9 @@ def check(what, holds):
 
 
 TEXT = '(document.getElementById("{}")?.textContent ?? "")'
-STATUS = TEXT.format('status')
+STATUS, COMMAND = TEXT.format('status'), TEXT.format('command')
 # The command without the error, which becomes smaller while nobody moves.
-COMMAND = TEXT.format('command') + '.replace(/--error=\\S+ /, "")'
+VIEW = COMMAND + '.replace(/--error=\\S+ /, "")'
 # Counts images by the moment at which they are put on the canvas.
 COUNT = '''window.shown = 0; window.last = null;
 const put = CanvasRenderingContext2D.prototype.putImageData;
@@ -205,13 +205,13 @@ def drive(browser, viewer, address, folder, axe):
                                b'Content-Length: %d\r\n\r\n' % length)
     check('no body is waited for that does not come', refused(host, '/'))
     # Turn, and wait for the image
-    before = browser.run(COMMAND)
+    before = browser.run(VIEW)
     rate = turn(browser, 3)
     _, pause = browser.wait('window.width >= 640', 60)
     print(f'     {rate:.1f} images a second, the first whole one after '
           f'{pause:.2f} s')
     check('images follow a drag', rate > 3)
-    check('a drag moves the camera', browser.run(COMMAND) != before)
+    check('a drag moves the camera', browser.run(VIEW) != before)
     # Browsers differ in the units of a movement
     browser.run("""image = document.getElementById("image");
         image.setPointerCapture = () => {};
@@ -219,11 +219,11 @@ def drive(browser, viewer, address, folder, axe):
           new PointerEvent(type, { clientX, movementX, buttons: 1 }));
         drag("pointerdown", 300, 0)""")
     time.sleep(0.5)
-    before = browser.run(COMMAND)
+    before = browser.run(VIEW)
     browser.run('drag("pointermove", 350, 100)')
-    browser.wait(f'{COMMAND} !== {json.dumps(before)}')
+    browser.wait(f'{VIEW} !== {json.dumps(before)}')
     browser.run('drag("pointermove", 300, -50)')
-    browser.wait(f'{COMMAND} === {json.dumps(before)}')
+    browser.wait(f'{VIEW} === {json.dumps(before)}')
     check('a drag to and fro comes back', True)
     for name, change in (
             ('a key walks', lambda: browser.key('w')),
@@ -235,29 +235,29 @@ def drive(browser, viewer, address, folder, axe):
                 'field = document.forms[0].elements["-r"]; field.value = 0.5;'
                 'field.dispatchEvent(new Event("change", { bubbles: true }));'
             ))):
-        before = browser.run(COMMAND)
+        before = browser.run(VIEW)
         change()
-        browser.wait(f'{COMMAND} !== {json.dumps(before)}')
+        browser.wait(f'{VIEW} !== {json.dumps(before)}')
         check(name, True)
-    browser.wait('/-r 0.5/.test(' + COMMAND + ')')
+    browser.wait('/-r 0.5/.test(' + VIEW + ')')
     browser.run('field.value = 2;'
                 'field.dispatchEvent(new Event("change", { bubbles: true }))')
     fault, _ = browser.wait(TEXT.format('fault'))
     check(f'a fault is told: {fault}', 'albedo between 0 and 1' in fault)
-    walked = browser.run(COMMAND)
+    walked = browser.run(VIEW)
     browser.key('4')
     browser.key('w')
-    browser.wait(f'{COMMAND} !== {json.dumps(walked)} && '
+    browser.wait(f'{VIEW} !== {json.dumps(walked)} && '
                  + TEXT.format('fault') + ' === ""')
     check('what cannot be shown is not kept, nor is a side', True)
     browser.run('field.value = 0.6;'
                 'field.dispatchEvent(new Event("change", { bubbles: true }))')
-    browser.wait('/-r 0.6/.test(' + COMMAND + ')')
+    browser.wait('/-r 0.6/.test(' + VIEW + ')')
     # From above, where up is another axis, to the front again
     for key, place in ('5', 'zenith'), ('1', '-u 0,1,0'):
         browser.key(key)
-        browser.wait(f'{COMMAND}.includes({json.dumps(place)})')
-    check('the zenith stays', '--zenith' not in browser.run(COMMAND))
+        browser.wait(f'{VIEW}.includes({json.dumps(place)})')
+    check('the zenith stays', '--zenith' not in browser.run(VIEW))
     # Copy the command and render
     browser.run('for (const [name, value] of [["-d", "64x48"],'
                 '["--error", "0.02"]]) {'
