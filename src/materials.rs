@@ -206,10 +206,13 @@ pub fn unknown_name(marks: &[Mark], name: &str, option: &str) -> String {
     let kinds = [MarkKind::Material, MarkKind::Group, MarkKind::Object];
     let there = kinds.into_iter().flat_map(|kind| names(marks, kind));
     let there: Vec<_> = there.take(8).map(quoted).collect();
-    let (name, there) = (quoted(name), there.join(", "));
+    let there = match there.is_empty() {
+        true => "there is none".to_owned(),
+        false => format!("there are: {}", there.join(", ")),
+    };
+    let name = quoted(name);
     format!(
-        "no material, group or object is called {name} ({option}); there \
-         are: {there}"
+        "no material, group or object is called {name} ({option}); {there}"
     )
 }
 

@@ -346,7 +346,8 @@ pub(crate) fn require(
     value: impl Display,
     reason: &str,
 ) -> Result<()> {
-    let fault = format!("{name} {value}: {reason}");
+    let named = format!("{name} {value}");
+    let fault = format!("{}: {reason}", named.trim_end());
     is_valid.then_some(()).ok_or(Error::value(name, value, fault))
 }
 
@@ -458,8 +459,7 @@ impl Plan {
             && matches!(self.sensor, SensorPlan::Faces { .. });
         let wanted = "needs faces as rows and as columns of view factors";
         let closed = self.outputs.closed;
-        require(!closed || is_square, "closed", closed, wanted)?;
-
+        require(!closed || is_square, "closed", "", wanted)?;
         self.part.map_or(Ok(()), |part| self.check_part(part))
     }
 
