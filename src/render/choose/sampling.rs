@@ -134,7 +134,7 @@ impl Sampling {
             (variance / error.powi(2)) as u64
         });
         let samples = samples.into_iter().chain(needed).min();
-        let most = (1 << 12) as u64;
+        let most = (1 << 14) as u64;
         let size = samples.unwrap_or(most) / REPLICATES;
         let net_size = 1 << size.clamp(1, most).ilog2();
         let none = Pixels { area: 0, is_list: true };
