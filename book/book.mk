@@ -357,6 +357,11 @@ places: $(BUILD_DIR)/pt $(call AND_VIEWS,$(BENCH)/statue-100000)
 	$(RECORD) places sh $(SCRIPTS)/places.sh $(BUILD_DIR)/pt \
 	  $(COMPILED)/examples/occlusion $(BENCH)/statue-100000.obj
 
+# The analytic daylight cases of CIE 171: six minutes.
+.PHONY: cie171
+cie171: $(BUILD_DIR)/pt
+	$(RECORD) cie171 python3 $(SCRIPTS)/cie171.py check $(BUILD_DIR)/pt
+
 # View factors beside pyviewfactor and raystrack, and daylight coefficients
 # beside Radiance, which PyPI has: forty minutes.
 PEERS := $(BUILD_DIR)/peers

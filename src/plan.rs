@@ -46,7 +46,7 @@ use crate::report::Kind;
 use crate::scene::Mesh;
 use crate::sensor::Side;
 use crate::sensor::table::TableFormat;
-use crate::sky::Cover;
+use crate::sky::{Cover, Sun};
 use crate::tally::{Surface, Tally};
 
 /// What a run does.
@@ -105,6 +105,8 @@ impl Default for Plan {
             sky: SkyPlan {
                 cover: Cover::Uniform,
                 zenith: None,
+                sun: None,
+                ground_glow: None,
                 ground: None,
             },
             tally: None,
@@ -227,6 +229,13 @@ pub struct SkyPlan {
     pub cover: Cover,
     /// The direction to its middle; none for the axis nearest to up.
     pub zenith: Option<DVec3>,
+    /// Where the sun is, around which some skies are brighter.
+    #[serde(default)]
+    pub sun: Option<Sun>,
+    /// The albedo of an endless ground that is seen below the horizon, lit by
+    /// the whole sky, if there is one.
+    #[serde(default)]
+    pub ground_glow: Option<f64>,
     /// The albedo of an endless ground below the scene, if there is one.
     pub ground: Option<f64>,
 }
@@ -436,6 +445,7 @@ impl Plan {
         let named = self.surfaces.named.iter().map(|(_, albedo)| *albedo);
         let albedos =
             named.chain(self.sky.ground).chain([self.surfaces.albedo]);
+        let albedos = albedos.chain(self.sky.ground_glow);
         for albedo in albedos {
             let is_valid = (0. ..=1.).contains(&albedo);
             let wanted = "expected a number from 0 to 1";
@@ -445,6 +455,14 @@ impl Plan {
         let is_direction = zenith.is_finite() && zenith != DVec3::ZERO;
         let wanted = "expected a finite vector, not zero";
         require(is_direction, "zenith", zenith, wanted)?;
+        let cover = self.sky.cover;
+        let is_lit = self.sky.sun.is_some() || !cover.needs_sun();
+        require(
+            is_lit,
+            "sky",
+            cover,
+            "needs the direction to the sun, --sun",
+        )?;
         let Budget { samples, time, error } = self.budget;
         let (samples, time) = (samples.unwrap_or(1), time.unwrap_or(0.));
         require(samples > 0, "samples", samples, "expected at least 1")?;
@@ -465,7 +483,8 @@ impl Plan {
 
     /// Checks that the receivers can have this tally.
     fn check_tally(&self, tally: &Tally) -> Result<()> {
-        let is_uniform = self.sky.cover == Cover::Uniform;
+        let is_uniform = self.sky.cover == Cover::Uniform
+            && self.sky.ground_glow.is_none();
         let has_patches = !matches!(tally, Tally::Derivative(_));
         let is_nets = self.method.is_none_or(|m| m == Method::Sobol);
         let error = self.budget.error;

@@ -1,8 +1,8 @@
 // Tangled from chapters/sky.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The only light: a half space of directions, uniform or overcast, or all
-//! directions.
+//! The only light: a sky above the horizon, of which CIE and Perez describe
+//! several, or all directions.
 //!
 //! ```
 //! use glam::DVec3;
@@ -12,11 +12,15 @@
 //! assert!((sky.radiance(DVec3::Z) - 9. / 7.).abs() < 1e-12);
 //! assert_eq!(sky.radiance(-DVec3::Z), 0.);
 //! assert_eq!(Sky::new(DVec3::Z).irradiance_ratio(DVec3::X), 0.5);
+//! let clear = Sky::with(DVec3::Z, Cover::Cie(12)).toward(DVec3::ONE);
+//! assert!(clear.radiance(DVec3::X) > clear.radiance(DVec3::NEG_X));
 //! ```
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::fmt::{self, Display, Formatter};
+use std::str::FromStr;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -26,8 +30,7 @@ use crate::numerics::normalise;
 /// How the radiance of the sky is distributed; a horizontal surface in the
 /// open gets the same from each.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
+#[serde(try_from = "String", into = "String")]
 pub enum Cover {
     /// The same in all directions above the horizon.
     Uniform,
@@ -36,6 +39,88 @@ pub enum Cover {
     Overcast,
     /// The same in all directions, also below the horizon.
     Sphere,
+    /// One of the fifteen types of ISO 15469.
+    Cie(u8),
+    /// The sky of a clearness and a brightness (Perez, Seals and Michalsky
+    /// 1993).
+    Perez(f64, f64),
+}
+impl Cover {
+    /// Whether it changes towards the sun.
+    pub fn needs_sun(self) -> bool {
+        !matches!(
+            self,
+            Self::Uniform
+                | Self::Overcast
+                | Self::Sphere
+                | Self::Cie(1 | 3)
+        )
+    }
+}
+impl Display for Cover {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Uniform => write!(f, "uniform"),
+            Self::Overcast => write!(f, "overcast"),
+            Self::Sphere => write!(f, "sphere"),
+            Self::Cie(kind) => write!(f, "cie:{kind}"),
+            Self::Perez(clearness, brightness) => {
+                write!(f, "perez:{clearness},{brightness}")
+            }
+        }
+    }
+}
+
+impl From<Cover> for String {
+    fn from(cover: Cover) -> Self {
+        cover.to_string()
+    }
+}
+
+impl TryFrom<String> for Cover {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        name.parse()
+    }
+}
+impl FromStr for Cover {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let (kind, numbers) = name.split_once(':').unwrap_or((name, ""));
+        let wanted = match kind {
+            "uniform" if numbers.is_empty() => return Ok(Self::Uniform),
+            "overcast" if numbers.is_empty() => return Ok(Self::Overcast),
+            "sphere" if numbers.is_empty() => return Ok(Self::Sphere),
+            "cie" => match numbers.parse() {
+                Ok(5) => return Ok(Self::Uniform),
+                Ok(16) => return Ok(Self::Overcast),
+                Ok(kind @ 1..16) => return Ok(Self::Cie(kind)),
+                _ => "expected a type from 1 to 16",
+            },
+            "perez" => match parse_pair(numbers) {
+                Some([e, d]) if e >= 1. && d > 0. => {
+                    return Ok(Self::Perez(e, d));
+                }
+                _ => {
+                    "expected a clearness from 1 on and a brightness above 0"
+                }
+            },
+            _ => {
+                "expected uniform, overcast, sphere, cie:TYPE or \
+                  perez:CLEARNESS,BRIGHTNESS"
+            }
+        };
+        Err(wanted.to_owned())
+    }
+}
+
+/// Two finite numbers around a comma.
+pub(crate) fn parse_pair(text: &str) -> Option<[f64; 2]> {
+    let (a, b) = text.split_once(',')?;
+    let pair = [a.trim().parse().ok()?, b.trim().parse().ok()?];
+    pair.iter().all(|x: &f64| x.is_finite()).then_some(pair)
 }
 
 /// The sky: light from all directions above the horizon, or from all.
@@ -53,7 +138,254 @@ pub struct Sky {
         skip_serializing_if = "Option::is_none"
     )]
     pub background: Option<f64>,
+    /// The radiance below the horizon.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub below: f64,
+    /// How it changes towards the horizon and towards the sun, if it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gradation: Option<Gradation>,
 }
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.
+}
+
+/// The direction to the sun.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Sun {
+    /// A vector, which is not zero.
+    Toward(DVec3),
+    /// The azimuth, clockwise from the north, and the altitude, in degrees.
+    At(f64, f64),
+}
+
+impl Sun {
+    /// The unit vector to the sun under a zenith.
+    pub fn direction(self, zenith: DVec3) -> DVec3 {
+        match self {
+            Self::Toward(vector) => normalise(vector).normalize(),
+            Self::At(azimuth, altitude) => {
+                let [azimuth, altitude] =
+                    [azimuth, altitude].map(f64::to_radians);
+                let [east, north] = compass(zenith);
+                let across =
+                    libm::sin(azimuth) * east + libm::cos(azimuth) * north;
+                libm::cos(altitude) * across + libm::sin(altitude) * zenith
+            }
+        }
+    }
+}
+
+/// The unit vectors to the east and to the north, which is the horizontal
+/// direction nearest to +y; if the zenith is +y or -y, it is -z or +z.
+pub fn compass(zenith: DVec3) -> [DVec3; 2] {
+    let across = DVec3::Y.reject_from_normalized(zenith);
+    let is_vertical = across.length_squared() < 1e-12;
+    let other = DVec3::NEG_Z * zenith.y.signum();
+    let north = if is_vertical { other } else { across.normalize() };
+    [north.cross(zenith), north]
+}
+
+/// A sky that changes towards the horizon, and towards the sun.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gradation {
+    /// The unit vector to the sun.
+    pub sun: DVec3,
+    /// The parameters a to e of the formula.
+    parameters: [f64; 5],
+    /// The part of the indicatrix that does not change.
+    constant: f64,
+    /// The radiance where the formula gives 1.
+    unit: f64,
+    /// The radiance at the horizon, and its rise to the zenith, of the nearest
+    /// sky that changes linearly with the sine of the altitude.
+    even: [f64; 2],
+}
+/// The parameters a to e of the fifteen types of ISO 15469 (table 1).
+const CIE: [[f64; 5]; 15] = [
+    [4., -0.7, 0., -1., 0.],
+    [4., -0.7, 2., -1.5, 0.15],
+    [1.1, -0.8, 0., -1., 0.],
+    [1.1, -0.8, 2., -1.5, 0.15],
+    [0., -1., 0., -1., 0.],
+    [0., -1., 2., -1.5, 0.15],
+    [0., -1., 5., -2.5, 0.3],
+    [0., -1., 10., -3., 0.45],
+    [-1., -0.55, 2., -1.5, 0.15],
+    [-1., -0.55, 5., -2.5, 0.3],
+    [-1., -0.55, 10., -3., 0.45],
+    [-1., -0.32, 10., -3., 0.45],
+    [-1., -0.32, 16., -3., 0.3],
+    [-1., -0.15, 16., -3., 0.3],
+    [-1., -0.15, 24., -2.8, 0.15],
+];
+/// The clearness at which each range of Perez's table begins, and the four
+/// coefficients of each parameter there (Perez and others 1993, table 1).
+const PEREZ: [(f64, [[f64; 4]; 5]); 8] = [
+    (
+        1.,
+        [
+            [1.3525, -0.2576, -0.2690, -1.4366],
+            [-0.7670, 0.0007, 1.2734, -0.1233],
+            [2.8000, 0.6004, 1.2375, 1.0000],
+            [1.8734, 0.6297, 0.9738, 0.2809],
+            [0.0356, -0.1246, -0.5718, 0.9938],
+        ],
+    ),
+    (
+        1.065,
+        [
+            [-1.2219, -0.7730, 1.4148, 1.1016],
+            [-0.2054, 0.0367, -3.9128, 0.9156],
+            [6.9750, 0.1774, 6.4477, -0.1239],
+            [-1.5798, -0.5081, -1.7812, 0.1080],
+            [0.2624, 0.0672, -0.2190, -0.4285],
+        ],
+    ),
+    (
+        1.230,
+        [
+            [-1.1000, -0.2515, 0.8952, 0.0156],
+            [0.2782, -0.1812, -4.5000, 1.1766],
+            [24.7219, -13.0812, -37.7000, 34.8438],
+            [-5.0000, 1.5218, 3.9229, -2.6204],
+            [-0.0156, 0.1597, 0.4199, -0.5562],
+        ],
+    ),
+    (
+        1.500,
+        [
+            [-0.5484, -0.6654, -0.2672, 0.7117],
+            [0.7234, -0.6219, -5.6812, 2.6297],
+            [33.3389, -18.3000, -62.2500, 52.0781],
+            [-3.5000, 0.0016, 1.1477, 0.1062],
+            [0.4659, -0.3296, -0.0876, -0.0329],
+        ],
+    ),
+    (
+        1.950,
+        [
+            [-0.6000, -0.3566, -2.5000, 2.3250],
+            [0.2937, 0.0496, -5.6812, 1.8415],
+            [21.0000, -4.7656, -21.5906, 7.2492],
+            [-3.5000, -0.1554, 1.4062, 0.3988],
+            [0.0032, 0.0766, -0.0656, -0.1294],
+        ],
+    ),
+    (
+        2.800,
+        [
+            [-1.0156, -0.3670, 1.0078, 1.4051],
+            [0.2875, -0.5328, -3.8500, 3.3750],
+            [14.0000, -0.9999, -7.1406, 7.5469],
+            [-3.4000, -0.1078, -1.0750, 1.5702],
+            [-0.0672, 0.4016, 0.3017, -0.4844],
+        ],
+    ),
+    (
+        4.500,
+        [
+            [-1.0000, 0.0211, 0.5025, -0.5119],
+            [-0.3000, 0.1922, 0.7023, -1.6317],
+            [19.0000, -5.0000, 1.2438, -1.9094],
+            [-4.0000, 0.0250, 0.3844, 0.2656],
+            [1.0468, -0.3788, -2.4517, 1.4656],
+        ],
+    ),
+    (
+        6.200,
+        [
+            [-1.0500, 0.0289, 0.4260, 0.3590],
+            [-0.3250, 0.1156, 0.7781, 0.0025],
+            [31.0625, -14.5000, -46.1148, 55.3750],
+            [-7.2312, 0.4050, 13.3500, 0.6234],
+            [1.5000, -0.6426, 1.8564, 0.5636],
+        ],
+    ),
+];
+
+/// The parameters of Perez's sky of a clearness and a brightness, when the sun
+/// stands at this angle from the zenith.
+fn perez(clearness: f64, brightness: f64, angle: f64) -> [f64; 5] {
+    let bin = PEREZ.partition_point(|(from, _)| *from <= clearness).max(1);
+    let (_, table) = PEREZ[bin - 1];
+    let mut parameters = table
+        .map(|[x, y, z, w]| x + y * angle + brightness * (z + w * angle));
+    if bin == 1 {
+        let [_, _, [c1, c2, c3, c4], [d1, d2, d3, d4], _] = table;
+        let power = libm::pow(brightness * (c1 + c2 * angle), c3);
+        parameters[2] = libm::exp(power) - c4;
+        let fall = libm::exp(brightness * (d1 + d2 * angle));
+        parameters[3] = d3 + brightness * d4 - fall;
+    }
+    parameters
+}
+impl Gradation {
+    /// The gradation of a sky, if it has one.
+    fn new(cover: Cover, zenith: DVec3, sun: DVec3) -> Option<Self> {
+        let angle = libm::acos(zenith.dot(sun).clamp(-1., 1.));
+        let (parameters, constant) = match cover {
+            Cover::Uniform | Cover::Overcast | Cover::Sphere => {
+                return None;
+            }
+            Cover::Cie(kind) => {
+                let [.., c, d, _] = CIE[usize::from(kind) - 1];
+                let constant = 1. - c * libm::exp(d * FRAC_PI_2);
+                (CIE[usize::from(kind) - 1], constant)
+            }
+            Cover::Perez(clearness, brightness) => {
+                (perez(clearness, brightness, angle), 1.)
+            }
+        };
+        let even = [0.; 2];
+        let mut new = Self { sun, parameters, constant, unit: 1., even };
+        // Integrate over the sky
+        let [east, north] = compass(zenith);
+        let (mut first, mut second) = (0., 0.);
+        let midpoints = |n: u32| {
+            (0..n).map(move |i| (f64::from(i) + 0.5) / f64::from(n))
+        };
+        for t in midpoints(ROWS) {
+            let altitude = FRAC_PI_2 * t * t * (3. - 2. * t);
+            let (height, level) =
+                (libm::sin(altitude), libm::cos(altitude));
+            let width = FRAC_PI_2 * 6. * t * (1. - t) / f64::from(ROWS);
+            let weight = height * level * width / f64::from(ROWS);
+            for turn in midpoints(2 * ROWS) {
+                let turn = TAU * turn;
+                let across =
+                    libm::sin(turn) * east + libm::cos(turn) * north;
+                let direction = height * zenith + level * across;
+                let part = weight * new.radiance(height, direction);
+                first += part;
+                second += part * height;
+            }
+        }
+        new.unit = 1. / first;
+        let rise = 18. * (second / first - 2. / 3.);
+        new.even = [1. - 2. / 3. * rise, rise];
+        Some(new)
+    }
+
+    /// Whether it is finite at the horizon.
+    pub fn is_bounded(self) -> bool {
+        self.parameters[1] <= 0.
+    }
+
+    /// The radiance of a direction of this height above the horizon.
+    fn radiance(&self, height: f64, direction: DVec3) -> f64 {
+        let [a, b, c, d, e] = self.parameters;
+        let cosine = self.sun.dot(direction).clamp(-1., 1.);
+        let angle = libm::acos(cosine);
+        let gradation = 1. + a * libm::exp(b / height);
+        let indicatrix =
+            self.constant + c * libm::exp(d * angle) + e * cosine * cosine;
+        self.unit * (gradation * indicatrix).max(0.)
+    }
+}
+
+/// The rows of the quadrature of a sky.
+const ROWS: u32 = 256;
 
 impl Sky {
     /// The uniform sky whose zenith is the coordinate axis nearest to `up`.
@@ -65,10 +397,22 @@ impl Sky {
         Self::with(axis * axis.dot(up).signum(), Cover::Uniform)
     }
 
-    /// The sky around a zenith, whose vector is not zero.
+    /// The sky around a zenith, whose vector is not zero; one that changes towards
+    /// the sun has it at the zenith.
     pub fn with(zenith: DVec3, cover: Cover) -> Self {
         let zenith = normalise(zenith).normalize();
-        Self { zenith, cover, background: None }
+        let (background, below, gradation) = (None, 0., None);
+        let sky = Self { zenith, cover, background, below, gradation };
+        sky.toward(zenith)
+    }
+
+    /// The same sky with the sun in this direction, a vector that is not zero.
+    pub fn toward(self, sun: DVec3) -> Self {
+        let sun = normalise(sun).normalize();
+        Self {
+            gradation: Gradation::new(self.cover, self.zenith, sun),
+            ..self
+        }
     }
 
     /// The radiance that arrives from `direction`, if nothing is in the way.
@@ -77,9 +421,25 @@ impl Sky {
         let height = self.zenith.dot(direction);
         match self.cover {
             Cover::Sphere => 1.,
-            _ if height <= 0. => 0.,
+            _ if height <= 0. => self.below,
             Cover::Uniform => 1.,
             Cover::Overcast => 3. / 7. * (1. + 2. * height),
+            _ => self
+                .gradation
+                .map_or(1., |it| it.radiance(height, direction)),
+        }
+    }
+
+    /// The radiance of a sky from `direction` that changes with its altitude
+    /// alone, and whose irradiance ratio is known.
+    #[inline(always)]
+    pub fn even_radiance(&self, direction: DVec3) -> f64 {
+        let height = self.zenith.dot(direction);
+        match self.gradation {
+            Some(Gradation { even: [base, rise], .. }) if height > 0. => {
+                base + rise * height
+            }
+            _ => self.radiance(direction),
         }
     }
 
@@ -89,21 +449,24 @@ impl Sky {
         self.background.unwrap_or_else(|| self.radiance(direction))
     }
 
-    /// The irradiance of a surface with this unit normal if nothing is in the
-    /// way, relative to that of a horizontal one: in [0, 1].
+    /// The irradiance of a surface with this unit normal from the radiance
+    /// [`Sky::even_radiance`] if nothing is in the way, relative to that of a
+    /// horizontal one.
     pub fn irradiance_ratio(&self, normal: DVec3) -> f64 {
         let cosine = self.zenith.dot(normal).clamp(-1., 1.);
         let uniform = 0.5 + 0.5 * cosine;
-        match self.cover {
-            Cover::Sphere => 1.,
-            Cover::Uniform => uniform,
-            Cover::Overcast => {
-                let (sine, angle) =
-                    ((1. - cosine * cosine).sqrt(), libm::acos(cosine));
-                let bright = sine + (PI - angle) * cosine;
-                (3. / 7. * (uniform + 4. / (3. * PI) * bright))
-                    .clamp(0., 1.)
-            }
+        let [base, rise] = match (self.cover, self.gradation) {
+            (Cover::Sphere, _) => return 1.,
+            (Cover::Overcast, _) => [3. / 7., 6. / 7.],
+            (_, gradation) => gradation.map_or([1., 0.], |it| it.even),
+        };
+        let mut ratio = base * uniform + self.below * (1. - uniform);
+        if rise != 0. {
+            let (sine, angle) =
+                ((1. - cosine * cosine).sqrt(), libm::acos(cosine));
+            let bright = sine + (PI - angle) * cosine;
+            ratio += rise * 2. / (3. * PI) * bright;
         }
+        ratio.max(0.)
     }
 }

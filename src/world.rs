@@ -35,14 +35,15 @@ use crate::key::{Framing, ReceiverSource, Sensed, Subject};
 use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
 use crate::matrix::Matrix;
 use crate::plan::{
-    Budget, CameraPlan, Plan, SensorPlan, Stand, input_name, require,
+    Budget, CameraPlan, Plan, SensorPlan, SkyPlan, Stand, input_name,
+    require,
 };
 use crate::render::choose::{Setup, expected_rays};
 use crate::report::{Report, SceneFile, Settings};
 use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
-use crate::sky::{Cover, Sky};
+use crate::sky::{Cover, Gradation, Sky};
 use crate::tally::Columns;
 
 /// A subject, the hierarchy of its scene, and the findings about both.
@@ -173,7 +174,7 @@ impl World {
             each => FaceAlbedos::each(each),
         };
         let (asked, table) = asked(plan, &inputs, &faces).unzip();
-        let mut subject = subject(plan, mesh, named, asked);
+        let mut subject = subject(plan, mesh, named, asked)?;
         note_camera(plan, &subject, host);
         let light = light(plan, mesh, &subject);
         let (seconds, shared) = (inputs.seconds, inputs.mesh.clone());
@@ -276,7 +277,7 @@ impl World {
     pub fn show(&mut self, plan: &Plan, mesh: &Mesh) -> Result<()> {
         let named_albedos = plan.surfaces.named.clone();
         let named = Named { named_albedos, ..self.subject.named.clone() };
-        let new = subject(plan, mesh, named, None);
+        let new = subject(plan, mesh, named, None)?;
         let sensor = camera(&new.sensed, &self.geometry.frame)?;
         let geometry = Arc::get_mut(&mut self.geometry)
             .ok_or("another world has this geometry")?;
@@ -375,7 +376,7 @@ fn subject(
     mesh: &Mesh,
     named: Named,
     receivers: Option<ReceiverSource>,
-) -> Subject {
+) -> Result<Subject> {
     let mut up = plan.up.unwrap_or(DVec3::Z);
     let zenith = match plan.sky.zenith {
         None => Sky::new(up).zenith,
@@ -385,7 +386,8 @@ fn subject(
         up = zenith;
     }
     let background = plan.camera().and_then(|camera| camera.background);
-    let sky = Sky { background, ..Sky::with(zenith, plan.sky.cover) };
+    let sky = sky(&plan.sky, zenith)?;
+    let sky = Sky { background, ..sky };
     let sensed = match (&plan.sensor, receivers) {
         (SensorPlan::Camera(camera), _) => {
             let view = view(camera, up, zenith, mesh);
@@ -399,7 +401,24 @@ fn subject(
     };
     let (albedo, ground) = (plan.surfaces.albedo, plan.sky.ground);
     let tally = plan.tally.clone();
-    Subject { sensed, albedo, named, sky, ground, tally }
+    Ok(Subject { sensed, albedo, named, sky, ground, tally })
+}
+
+/// The sky of a plan around a zenith.
+fn sky(plan: &SkyPlan, zenith: DVec3) -> Result<Sky> {
+    let mut sky = Sky::with(zenith, plan.cover);
+    if let Some(sun) = plan.sun {
+        let toward = sun.direction(zenith);
+        let is_up = toward.dot(zenith) > 0. || !plan.cover.needs_sun();
+        let wanted = "expected a sun above the horizon";
+        require(is_up, "sun", typed(toward), wanted)?;
+        sky = sky.toward(toward);
+    }
+    let is_bounded = sky.gradation.is_none_or(Gradation::is_bounded);
+    let wanted = "its formula grows without bound at the horizon";
+    require(is_bounded, "sky", plan.cover, wanted)?;
+    sky.below = plan.ground_glow.unwrap_or(0.);
+    Ok(sky)
 }
 
 /// The view of a camera, which may be placed outside the mesh.
@@ -443,9 +462,14 @@ fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
 
 /// The sky and the ground in words, and another axis that seems to be up.
 fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
-    let Sky { zenith, cover, .. } = subject.sky;
-    let mut light =
-        format!("{cover:?}, zenith {}", direction(zenith)).to_lowercase();
+    let Sky { zenith, cover, below, gradation, .. } = subject.sky;
+    let mut light = format!("{cover}, zenith {}", direction(zenith));
+    light += &gradation
+        .map_or(String::new(), |it| format!(", sun {}", direction(it.sun)));
+    if below > 0. {
+        light +=
+            &format!(", a ground of radiance {below} below the horizon");
+    }
     light += &subject.ground.map_or(String::new(), |albedo| {
         format!(", above a ground of albedo {albedo}")
     });

@@ -45,6 +45,7 @@ mod scene;
 mod schema;
 mod sensor;
 mod shards;
+mod sky;
 mod sobol;
 mod statistics;
 mod stiff;

@@ -78,22 +78,25 @@ fn points_in_the_open_get_what_sky_and_ground_give() {
     let (at, zenith) =
         (DVec3::new(2., 3., 5.), DVec3::new(1., 2., 2.) / 3.);
     let all: Vec<_> = normals().into_iter().map(|n| (at, n)).collect();
-    for (cover, ground) in [
-        (Cover::Uniform, None),
-        (Cover::Overcast, None),
-        (Cover::Sphere, None),
-        (Cover::Uniform, Some(0.6)),
-        (Cover::Overcast, Some(1.)),
+    for (cover, ground, glow) in [
+        (Cover::Uniform, None, None),
+        (Cover::Overcast, None, None),
+        (Cover::Sphere, None, None),
+        (Cover::Uniform, Some(0.6), None),
+        (Cover::Overcast, Some(1.), None),
+        (Cover::Overcast, None, Some(0.3)),
     ] {
         let sky = Sky::with(zenith, cover);
         assert!((sky.irradiance_ratio(zenith) - 1.).abs() < 1e-12);
         for method in Method::ALL {
             let mut plan = plan(points(), 0.5, (method, 1024));
-            plan.sky = SkyPlan { cover, zenith: Some(zenith), ground };
+            let up = Some(zenith);
+            plan.sky = SkyPlan { cover, zenith: up, ground, ..plan.sky };
+            plan.sky.ground_glow = glow;
             let found = lit(speck, &all, &plan);
             for (value, normal) in found.into_iter().zip(normals()) {
                 let below = 0.5 - 0.5 * normal.dot(zenith);
-                let below = ground.unwrap_or(0.) * below;
+                let below = ground.or(glow).unwrap_or(0.) * below;
                 let above = sky.irradiance_ratio(normal);
                 chance.judge(value, above + below, 16.);
             }

@@ -132,24 +132,34 @@ class Scene:
         by material, group or object, with None for all others; or "materials"
         for those of the file. As in `pt`, it is 1 if it is not given.
     sky
-        "uniform", "overcast", or "sphere", which is uniform below the horizon
-        as well; each gives 1 to a horizontal surface in the open.
+        "uniform", "overcast", "cie:1" to "cie:16", the types of ISO 15469,
+        "perez:E,D", of a clearness and a brightness, or "sphere", which is
+        uniform below the horizon as well; each gives 1 to a horizontal surface
+        in the open.
     ground
         The albedo of an endless ground below the scene; None for no ground.
     zenith
         The direction to the middle of the sky.
+    sun
+        The direction to the sun, or its azimuth, from +y towards +x where z is
+        up, and its altitude, in degrees; needed by skies that are brighter
+        around it.
+    ground_glow
+        The albedo of a ground in the open that is seen below the horizon where
+        nothing else is.
 
     What is wrong is a ValueError, IndexError or OSError, which names it.
     """
 
     def __init__(self, mesh, albedo=None, sky="uniform", ground=None,
-                 zenith=(0, 0, 1)):
+                 zenith=(0, 0, 1), sun=None, ground_glow=None):
         is_file, each = isinstance(mesh, (str, bytes, os.PathLike)), None
         words = [os.fsdecode(mesh) if is_file else "mesh"]
         if words[0].startswith("-"):
             words = [os.path.join(".", words[0])]
         mesh = None if is_file else (*_arrays.mesh(mesh), None)
-        words += _words(sky=sky, ground=ground, zenith=zenith)
+        words += _words(sky=sky, ground=ground, zenith=zenith, sun=sun,
+                        ground_glow=ground_glow)
         if isinstance(albedo, Mapping):
             for name, number in albedo.items():
                 name = "" if name is None else f"{name}="

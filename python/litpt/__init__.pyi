@@ -115,9 +115,11 @@ class Scene:
             | Literal["materials"]
             | None
         ) = None,
-        sky: Literal["uniform", "overcast", "sphere"] = "uniform",
+        sky: str = "uniform",
         ground: _Number | None = None,
         zenith: _Direction = (0, 0, 1),
+        sun: _Numbers | None = None,
+        ground_glow: _Number | None = None,
     ) -> None: ...
     def __getstate__(self) -> tuple[Any, ...]: ...
     def __setstate__(self, state: tuple[Any, ...]) -> None: ...

@@ -132,7 +132,9 @@ impl KnownPixels {
                 return TileContent::Constant(grey);
             }
             let light = corners.map(|corner| sky.radiance(corner));
-            let has_steps = light[0] == 0. || sky.cover != Cover::Overcast;
+            let is_even =
+                matches!(sky.cover, Cover::Uniform | Cover::Sphere);
+            let has_steps = light[0] == 0. || is_even;
             let is_along_axis = sky.zenith.abs().max_element() == 1.;
             match has_steps && is_along_axis && light == [light[0]; 4] {
                 true => TileContent::Constant(light[0]),

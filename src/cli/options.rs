@@ -9,6 +9,7 @@
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::builder::TypedValueParser;
 use clap::builder::{ArgPredicate, PossibleValuesParser, StyledStr};
@@ -24,7 +25,7 @@ use crate::image::Format;
 use crate::materials::Band;
 use crate::scene::encoding::shortened;
 use crate::sensor::Side;
-use crate::sky::Cover;
+use crate::sky::{Cover, Sun};
 use crate::tally::Surface;
 
 /// Renders a Wavefront OBJ of diffuse surfaces under a sky, or computes how
@@ -79,11 +80,18 @@ pub struct SceneOptions {
     pub band: Option<Band>,
 
     /// Sky: uniform; overcast, three times as bright at the zenith as at the
-    /// horizon; or sphere, uniform and below the horizon too, as for ambient
-    /// occlusion; each gives 1 to a horizontal surface in the open [default:
-    /// uniform]
-    #[arg(long, value_name = "SKY", hide_possible_values = true)]
+    /// horizon; cie:1 to cie:16, the types of ISO 15469; perez:E,D, of a clearness
+    /// E and a brightness D; or sphere, uniform and below the horizon too, as for
+    /// ambient occlusion; each gives 1 to a horizontal surface in the open
+    /// [default: uniform]
+    #[arg(long, value_name = "SKY", value_parser = Cover::from_str)]
     pub sky: Option<Cover>,
+
+    /// Direction to the sun: a vector, or azimuth and altitude in degrees, the
+    /// azimuth from +y towards +x where z is up; most types of --sky are brighter
+    /// around it
+    #[arg(long, value_name = "X,Y,Z|AZIMUTH,ALTITUDE", value_parser = parse_sun)]
+    pub sun: Option<Sun>,
 
     /// Direction to the middle of the sky [default: the axis nearest to -u]
     #[arg(long, value_name = "X,Y,Z|x|y|z", value_parser = parse_direction)]
@@ -93,6 +101,12 @@ pub struct SceneOptions {
     /// 0.3 if only pictures are written
     #[arg(long, value_name = "ALBEDO", value_parser = parse_albedo)]
     pub ground: Option<f64>,
+
+    /// Albedo of an endless ground that is seen only where nothing else is, below
+    /// the horizon, and that lies in the open, so that nothing shades it
+    #[arg(long, value_name = "ALBEDO", value_parser = parse_albedo,
+          conflicts_with = "ground")]
+    pub ground_glow: Option<f64>,
 }
 
 // What senses the light: a camera with its image, or receivers.

@@ -107,7 +107,10 @@ impl Options {
         // Set the sky and the up axis
         let sky = &mut plan.sky;
         change.set("sky", &mut sky.cover, scene.sky);
+        change.set("sun", &mut sky.sun, scene.sun.map(Some));
         change.set("ground", &mut sky.ground, scene.ground.map(Some));
+        let glow = scene.ground_glow.map(Some);
+        change.set("ground-glow", &mut sky.ground_glow, glow);
         let mut up = plan.up.unwrap_or(DVec3::Z);
         change.set("up", &mut up, sensor.up);
         plan.up = sensor.up.or(plan.up);
@@ -245,6 +248,7 @@ impl Options {
             said.push("albedo of the file's materials or 0.7 (-r)");
         }
         let has_below = plan.sky.ground.is_some()
+            || plan.sky.ground_glow.is_some()
             || plan.sky.cover == Cover::Sphere
             || camera.background.is_some();
         if !has_below {

@@ -12,6 +12,7 @@ use glam::DVec3;
 use crate::camera::Viewpoint;
 use crate::film::digits;
 use crate::render::choose::Method;
+use crate::sky::{Sun, parse_pair};
 
 /// Parses a finite real number.
 pub fn parse_real(text: &str) -> Result<f64, String> {
@@ -40,6 +41,21 @@ pub fn parse_direction(text: &str) -> Result<DVec3, String> {
             DVec3::ZERO => Err("a direction is not zero".to_owned()),
             vector => Ok(vector),
         },
+    }
+}
+
+/// Parses the direction to the sun.
+pub fn parse_sun(text: &str) -> Result<Sun, String> {
+    let wanted =
+        "expected X,Y,Z or AZIMUTH,ALTITUDE, an altitude from 0 to 90";
+    match parse_pair(text) {
+        Some([azimuth, altitude]) if (0. ..=90.).contains(&altitude) => {
+            Ok(Sun::At(azimuth, altitude))
+        }
+        Some(_) => Err(wanted.to_owned()),
+        None => parse_direction(text)
+            .map(Sun::Toward)
+            .map_err(|_| wanted.to_owned()),
     }
 }
 

@@ -188,7 +188,7 @@ fn open_browser(address: &str) {
 type Settings = BTreeMap<String, String>;
 
 /// The options that a page sets, and their long names.
-const SETTINGS: [(&str, &str); 11] = [
+const SETTINGS: [(&str, &str); 12] = [
     ("-p", "--position"),
     ("-t", "--target"),
     ("-u", "--up"),
@@ -197,6 +197,7 @@ const SETTINGS: [(&str, &str); 11] = [
     ("-r", "--albedo"),
     ("--view", "--view"),
     ("--sky", "--sky"),
+    ("--sun", "--sun"),
     ("--zenith", "--zenith"),
     ("--ground", "--ground"),
     ("--error", "--error"),
@@ -461,7 +462,7 @@ impl Viewer {
         let subject = &world.subject;
         let Some(framing) = subject.sensed.camera() else { return };
         let View { position, target, up, fov } = framing.view;
-        let Sky { zenith, cover, .. } = subject.sky;
+        let Sky { zenith, cover, gradation, .. } = subject.sky;
         let ((width, height), settings) =
             (framing.resolution, &mut wanted.settings);
         settings.remove("--view");
@@ -478,9 +479,10 @@ impl Viewer {
         ] {
             settings.insert(name.into(), value);
         }
+        let sun = gradation.map(|it| typed(it.sun));
         let fields = json!({
-            "-r": subject.albedo, "--ground": subject.ground,
-            "--sky": format!("{cover:?}").to_lowercase(),
+            "-r": subject.albedo, "--ground": subject.ground, "--sun": sun,
+            "--sky": cover,
         });
         let state = json!({
             "words": self.options.words, "settings": settings,

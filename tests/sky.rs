@@ -1,0 +1,213 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Skies: the formulas of the standard and of Perez, and what they give to
+//! surfaces in the open.
+
+use crate::prelude::*;
+
+/// Unit vectors, uniform over the half sphere above the horizon.
+fn directions(count: u32) -> Vec<DVec3> {
+    let golden = 0.5 * (5f64.sqrt() - 1.);
+    let direction = |i: u32| {
+        let height = (f64::from(i) + 0.5) / f64::from(count);
+        let turn = TAU * (golden * f64::from(i)).fract();
+        let level = (1. - height * height).sqrt();
+        DVec3::new(level * turn.cos(), level * turn.sin(), height)
+    };
+    (0..count).map(direction).collect()
+}
+
+/// A sun due south at an altitude in degrees.
+fn sun(altitude: f64) -> DVec3 {
+    Sun::At(180., altitude).direction(DVec3::Z)
+}
+
+/// The relative radiance of a sky of these parameters: ISO 15469, equation 1,
+/// and, without the last term, Perez.
+fn formula(
+    [a, b, c, d, e]: [f64; 5],
+    is_cie: bool,
+    w: DVec3,
+    s: DVec3,
+) -> f64 {
+    let away = w.cross(s).length().atan2(w.dot(s));
+    let last = if is_cie { (d * PI / 2.).exp() } else { 0. };
+    let around =
+        1. + c * ((d * away).exp() - last) + e * away.cos().powi(2);
+    (1. + a * (b / w.z).exp()) * around
+}
+
+#[test]
+fn cie_skies_are_those_of_the_standard() {
+    let table = "4 -.7 0 -1 0, 4 -.7 2 -1.5 .15, 1.1 -.8 0 -1 0, \
+                 1.1 -.8 2 -1.5 .15, 0 -1 0 -1 0, 0 -1 2 -1.5 .15, \
+                 0 -1 5 -2.5 .3, 0 -1 10 -3 .45, -1 -.55 2 -1.5 .15, \
+                 -1 -.55 5 -2.5 .3, -1 -.55 10 -3 .45, -1 -.32 10 -3 .45, \
+                 -1 -.32 16 -3 .3, -1 -.15 16 -3 .3, -1 -.15 24 -2.8 .15";
+    for (kind, row) in (1..).zip(table.split(',')) {
+        let row = row.split_whitespace().map(|x| x.parse().unwrap());
+        let row: Vec<f64> = row.collect();
+        let row: [f64; 5] = row.try_into().unwrap();
+        let cover: Cover = format!("cie:{kind}").parse().unwrap();
+        for altitude in [5., 25., 45., 65., 90.] {
+            let sun = sun(altitude);
+            let sky = Sky::with(DVec3::Z, cover).toward(sun);
+            let zenith = formula(row, true, DVec3::Z, sun);
+            for w in directions(1000) {
+                let exact = formula(row, true, w, sun) / zenith;
+                let found = sky.radiance(w) / sky.radiance(DVec3::Z);
+                let off = (found / exact - 1.).abs();
+                assert!(
+                    off < 1e-12,
+                    "type {kind}, sun {altitude}: {off:e}"
+                );
+            }
+        }
+    }
+    let overcast: Cover = "cie:16".parse().unwrap();
+    assert_eq!(overcast, Cover::Overcast);
+}
+
+#[test]
+fn perez_skies_are_those_of_radiance() {
+    // What gendaylit 6.0a prints for -ang ALTITUDE 0 -P CLEARNESS BRIGHTNESS
+    for (altitude, clearness, brightness, parameters) in [
+        (
+            40.,
+            1.03,
+            0.3,
+            [0.670901, -0.416649, 1.708830, -1.010536, 0.015502],
+        ),
+        (
+            30.,
+            1.3,
+            0.25,
+            [-1.135486, -0.728519, 10.720386, -3.111669, 0.111],
+        ),
+        (
+            60.,
+            2.2,
+            0.2,
+            [-1.043242, -0.623728, 14.945752, -3.258365, 0.016637],
+        ),
+        (
+            25.,
+            4.,
+            0.12,
+            [-1.119728, -0.319485, 13.03618, -3.437535, 0.358661],
+        ),
+        (
+            50.,
+            5.5,
+            0.1,
+            [-0.970757, -0.209503, 15.50042, -3.925564, 0.639496],
+        ),
+        (
+            35.,
+            8.,
+            0.08,
+            [-0.960609, -0.151592, 17.70681, -5.726554, 1.074942],
+        ),
+    ] {
+        let cover = Cover::Perez(clearness, brightness);
+        let sun = sun(altitude);
+        let sky = Sky::with(DVec3::Z, cover).toward(sun);
+        let zenith = formula(parameters, false, DVec3::Z, sun);
+        for w in directions(100) {
+            let exact = formula(parameters, false, w, sun).max(0.) / zenith;
+            let found = sky.radiance(w) / sky.radiance(DVec3::Z);
+            assert!(
+                (found - exact).abs() < 1e-4 * exact.max(1.),
+                "{cover}"
+            );
+        }
+    }
+}
+
+/// The irradiance of a surface in the open by a rule of its own: rings around
+/// the normal, weighted by the cosine.
+fn irradiance(radiance: impl Fn(DVec3) -> f64, normal: DVec3) -> f64 {
+    let x = normal.any_orthonormal_vector();
+    let y = normal.cross(x);
+    let (rings, steps) = (1200, 1200);
+    let (mut sum, mut count) = (0., 0.);
+    for i in 0..rings {
+        let r = ((f64::from(i) + 0.5) / f64::from(rings)).sqrt();
+        for k in 0..steps {
+            let turn = TAU * (f64::from(k) + 0.5) / f64::from(steps);
+            let height = (1. - r * r).sqrt();
+            let w = r * (turn.cos() * x + turn.sin() * y) + height * normal;
+            (sum, count) = (sum + radiance(w), count + 1.);
+        }
+    }
+    sum / count
+}
+
+// The unit of a sky gives 1 to a horizontal surface, and the control variate is
+// what it is said to be, whichever way a surface faces.
+#[test]
+fn skies_give_one_to_a_horizontal_surface() {
+    let up = DVec3::new(0.6, 0., 0.8);
+    for cover in [
+        Cover::Cie(1),
+        Cover::Cie(12),
+        Cover::Cie(15),
+        Cover::Perez(6., 0.1),
+    ] {
+        let sun = Sun::At(250., 40.).direction(up);
+        let mut sky = Sky::with(up, cover).toward(sun);
+        let found = irradiance(|w| sky.radiance(w), up);
+        assert!((found - 1.).abs() < 2e-5, "{cover}: {found}");
+        sky.below = 0.25;
+        for normal in [up, -up, DVec3::X, DVec3::new(0., 0.6, -0.8)] {
+            let exact = irradiance(|w| sky.even_radiance(w), normal);
+            let found = sky.irradiance_ratio(normal);
+            assert!(
+                (found - exact).abs() < 3e-4,
+                "{cover}: {found} {exact}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_sun_stands_where_its_angles_say() {
+    for (sun, direction) in [
+        (Sun::At(0., 0.), DVec3::Y),
+        (Sun::At(90., 0.), DVec3::X),
+        (Sun::At(180., 90.), DVec3::Z),
+        (Sun::Toward(DVec3::new(0., 0., 3.)), DVec3::Z),
+    ] {
+        assert!((sun.direction(DVec3::Z) - direction).length() < 1e-15);
+    }
+    // Where y is up, north is -z and east is x
+    let north = Sun::At(0., 0.).direction(DVec3::Y);
+    assert!((north - DVec3::NEG_Z).length() < 1e-15);
+}
+
+#[test]
+fn skies_that_are_none_are_refused() {
+    let place = Scratch::new();
+    place.put("cube.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    place.put("p.txt", "0 0 1 0 0 1\n");
+    for (words, fault) in [
+        ("--sky cie:0", "a type from 1 to 16"),
+        ("--sky cie:17", "a type from 1 to 16"),
+        ("--sky perez:0.5,0.1", "a clearness from 1 on"),
+        ("--sky clear", "expected uniform, overcast"),
+        ("--sky cie:12", "needs the direction to the sun, --sun"),
+        ("--sky cie:12 --sun 10", "X,Y,Z or AZIMUTH,ALTITUDE"),
+        ("--sky cie:12 --sun 10,95", "an altitude from 0 to 90"),
+        ("--sky cie:12 --sun 0,0,-1", "a sun above the horizon"),
+        ("--sky perez:8,0.3 --sun 0,30", "without bound at the horizon"),
+        ("--ground-glow 0.2 --ground 0.2", "cannot be used with"),
+        ("--ground-glow 2", "an albedo between 0 and 1"),
+    ] {
+        let run =
+            place.free(&format!("cube.obj -n1 --points=p.txt {words}"));
+        let status = if words.contains("perez:8") { 1 } else { 2 };
+        let status = if words.contains("0,0,-1") { 1 } else { status };
+        run.failed(status, &[fault]);
+    }
+}
