@@ -67,7 +67,8 @@ def test_points_have_the_bits_of_pt(pt, points, method, threads):
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("method", METHODS)
 def test_the_command_gives_the_same_bits(pt, method, threads):
-    room = litpt.Scene(ROOM, albedo={None: 0.3, "walls": 0}, zenith=(0, 0.5, 1))
+    room = litpt.Scene(ROOM, albedo={None: 0.3, "walls": 0}, zenith=(0, 0.5, 1),
+                       sky="cie:12", sun=(180, 40), ground_glow=0.2)
     limits = dict(samples=32, method=method, seed=7, threads=threads)
     both = room.face_irradiance("both", **limits)
     folder = pt(both.command)
@@ -787,6 +788,8 @@ ROWS = np.array([[0.1, 0.2, 1.0], [0.3, 0.4, 1.0]])
     (ValueError, r"albedo\[0\] = -0.5", lambda: litpt.Scene(QUAD, albedo=[-0.5])),
     (ValueError, "albedo: 2 of them for 1 faces", lambda: litpt.Scene(QUAD, albedo=[0.5, 0.5])),
     (ValueError, "called roof", lambda: litpt.Scene(ROOM, albedo={"roof": 0.5})),
+    (ValueError, "needs the direction to the sun", lambda: litpt.Scene(QUAD, sky="cie:9")),
+    (ValueError, "sun = 1,2,3,4", lambda: litpt.Scene(QUAD, sun=(1, 2, 3, 4))),
     (ValueError, "sky = blue", lambda: litpt.Scene(QUAD, sky="blue")),
     (ValueError, "ground = 3", lambda: litpt.Scene(QUAD, ground=3)),
     (ValueError, "zenith = 0,0,0", lambda: litpt.Scene(QUAD, zenith=(0, 0, 0))),
