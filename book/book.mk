@@ -516,6 +516,16 @@ $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png
 	  --integrator auto -i $(BENCH)/$*.obj -o $(@:.png=.exr)
 	$(BUILD_DIR)/ptimg tonemap -f -e $(or $(STOPS_$*),0) -o $@ $(@:.png=.exr)
 
+# Skies of the CIE as a camera sees them that looks up.
+SKIES = 1 4 8 12 15
+FIGURES += $(SKIES:%=$(BUILD_DIR)/figures/sky-%.png)
+
+$(SKIES:%=$(BUILD_DIR)/figures/sky-%.png): $(BUILD_DIR)/figures/sky-%.png: \
+  $(BUILD_DIR)/pt doc/examples/room.obj | $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt doc/examples/room.obj -qf -p 3,2,50 -t 3,2,60 -u 0,1,0 \
+	  --zenith z --sky cie:$* --sun 180,40 -F 120 -d 160x160 -n 4 \
+	  --exposure=-2 -o $@
+
 # The same as glances.
 FIGURES += $(PICTURED:%=$(BUILD_DIR)/figures/glance-%.png)
 
