@@ -451,18 +451,7 @@ impl Plan {
             let wanted = "expected a number from 0 to 1";
             require(is_valid, "albedo", albedo, wanted)?;
         }
-        let zenith = self.sky.zenith.unwrap_or(DVec3::Z);
-        let is_direction = zenith.is_finite() && zenith != DVec3::ZERO;
-        let wanted = "expected a finite vector, not zero";
-        require(is_direction, "zenith", zenith, wanted)?;
-        let cover = self.sky.cover;
-        let is_lit = self.sky.sun.is_some() || !cover.needs_sun();
-        require(
-            is_lit,
-            "sky",
-            cover,
-            "needs the direction to the sun, --sun",
-        )?;
+        self.sky.check()?;
         let Budget { samples, time, error } = self.budget;
         let (samples, time) = (samples.unwrap_or(1), time.unwrap_or(0.));
         require(samples > 0, "samples", samples, "expected at least 1")?;
@@ -573,6 +562,22 @@ impl Plan {
         let names =
             read.into_iter().flatten().chain(written).chain(replaced);
         names.filter(|name| !is_dash(name))
+    }
+}
+
+impl SkyPlan {
+    /// Checks that there is such a sky.
+    fn check(&self) -> Result<()> {
+        let zenith = self.zenith.unwrap_or(DVec3::Z);
+        let is_direction = zenith.is_finite() && zenith != DVec3::ZERO;
+        let wanted = "expected a finite vector, not zero";
+        require(is_direction, "zenith", zenith, wanted)?;
+        let named: Result<Cover, String> = self.cover.to_string().parse();
+        let fault = named.err().unwrap_or_default();
+        require(fault.is_empty(), "sky", self.cover, &fault)?;
+        let is_lit = self.sun.is_some() || !self.cover.needs_sun();
+        let wanted = "needs the direction to the sun, --sun";
+        require(is_lit, "sky", self.cover, wanted)
     }
 }
 

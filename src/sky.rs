@@ -18,6 +18,7 @@
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
+use std::array;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt::{self, Display, Formatter};
 use std::str::FromStr;
@@ -219,100 +220,44 @@ const CIE: [[f64; 5]; 15] = [
     [-1., -0.15, 16., -3., 0.3],
     [-1., -0.15, 24., -2.8, 0.15],
 ];
-/// The clearness at which each range of Perez's table begins, and the four
-/// coefficients of each parameter there (Perez and others 1993, table 1).
-const PEREZ: [(f64, [[f64; 4]; 5]); 8] = [
-    (
-        1.,
-        [
-            [1.3525, -0.2576, -0.2690, -1.4366],
-            [-0.7670, 0.0007, 1.2734, -0.1233],
-            [2.8000, 0.6004, 1.2375, 1.0000],
-            [1.8734, 0.6297, 0.9738, 0.2809],
-            [0.0356, -0.1246, -0.5718, 0.9938],
-        ],
-    ),
-    (
-        1.065,
-        [
-            [-1.2219, -0.7730, 1.4148, 1.1016],
-            [-0.2054, 0.0367, -3.9128, 0.9156],
-            [6.9750, 0.1774, 6.4477, -0.1239],
-            [-1.5798, -0.5081, -1.7812, 0.1080],
-            [0.2624, 0.0672, -0.2190, -0.4285],
-        ],
-    ),
-    (
-        1.230,
-        [
-            [-1.1000, -0.2515, 0.8952, 0.0156],
-            [0.2782, -0.1812, -4.5000, 1.1766],
-            [24.7219, -13.0812, -37.7000, 34.8438],
-            [-5.0000, 1.5218, 3.9229, -2.6204],
-            [-0.0156, 0.1597, 0.4199, -0.5562],
-        ],
-    ),
-    (
-        1.500,
-        [
-            [-0.5484, -0.6654, -0.2672, 0.7117],
-            [0.7234, -0.6219, -5.6812, 2.6297],
-            [33.3389, -18.3000, -62.2500, 52.0781],
-            [-3.5000, 0.0016, 1.1477, 0.1062],
-            [0.4659, -0.3296, -0.0876, -0.0329],
-        ],
-    ),
-    (
-        1.950,
-        [
-            [-0.6000, -0.3566, -2.5000, 2.3250],
-            [0.2937, 0.0496, -5.6812, 1.8415],
-            [21.0000, -4.7656, -21.5906, 7.2492],
-            [-3.5000, -0.1554, 1.4062, 0.3988],
-            [0.0032, 0.0766, -0.0656, -0.1294],
-        ],
-    ),
-    (
-        2.800,
-        [
-            [-1.0156, -0.3670, 1.0078, 1.4051],
-            [0.2875, -0.5328, -3.8500, 3.3750],
-            [14.0000, -0.9999, -7.1406, 7.5469],
-            [-3.4000, -0.1078, -1.0750, 1.5702],
-            [-0.0672, 0.4016, 0.3017, -0.4844],
-        ],
-    ),
-    (
-        4.500,
-        [
-            [-1.0000, 0.0211, 0.5025, -0.5119],
-            [-0.3000, 0.1922, 0.7023, -1.6317],
-            [19.0000, -5.0000, 1.2438, -1.9094],
-            [-4.0000, 0.0250, 0.3844, 0.2656],
-            [1.0468, -0.3788, -2.4517, 1.4656],
-        ],
-    ),
-    (
-        6.200,
-        [
-            [-1.0500, 0.0289, 0.4260, 0.3590],
-            [-0.3250, 0.1156, 0.7781, 0.0025],
-            [31.0625, -14.5000, -46.1148, 55.3750],
-            [-7.2312, 0.4050, 13.3500, 0.6234],
-            [1.5000, -0.6426, 1.8564, 0.5636],
-        ],
-    ),
-];
+/// The clearness at which each row of Perez's table begins.
+const CLEARNESS: [f64; 8] = [1., 1.065, 1.23, 1.5, 1.95, 2.8, 4.5, 6.2];
 
+/// Four coefficients of each of five parameters, row by row (Perez and others
+/// 1993, table 1).
+const PEREZ: [f64; 160] = [
+    1.3525, -0.2576, -0.269, -1.4366, -0.767, 0.0007, 1.2734, -0.1233, 2.8,
+    0.6004, 1.2375, 1., 1.8734, 0.6297, 0.9738, 0.2809, 0.0356, -0.1246,
+    -0.5718, 0.9938, -1.2219, -0.773, 1.4148, 1.1016, -0.2054, 0.0367,
+    -3.9128, 0.9156, 6.975, 0.1774, 6.4477, -0.1239, -1.5798, -0.5081,
+    -1.7812, 0.108, 0.2624, 0.0672, -0.219, -0.4285, -1.1, -0.2515, 0.8952,
+    0.0156, 0.2782, -0.1812, -4.5, 1.1766, 24.7219, -13.0812, -37.7,
+    34.8438, -5., 1.5218, 3.9229, -2.6204, -0.0156, 0.1597, 0.4199,
+    -0.5562, -0.5484, -0.6654, -0.2672, 0.7117, 0.7234, -0.6219, -5.6812,
+    2.6297, 33.3389, -18.3, -62.25, 52.0781, -3.5, 0.0016, 1.1477, 0.1062,
+    0.4659, -0.3296, -0.0876, -0.0329, -0.6, -0.3566, -2.5, 2.325, 0.2937,
+    0.0496, -5.6812, 1.8415, 21., -4.7656, -21.5906, 7.2492, -3.5, -0.1554,
+    1.4062, 0.3988, 0.0032, 0.0766, -0.0656, -0.1294, -1.0156, -0.367,
+    1.0078, 1.4051, 0.2875, -0.5328, -3.85, 3.375, 14., -0.9999, -7.1406,
+    7.5469, -3.4, -0.1078, -1.075, 1.5702, -0.0672, 0.4016, 0.3017,
+    -0.4844, -1., 0.0211, 0.5025, -0.5119, -0.3, 0.1922, 0.7023, -1.6317,
+    19., -5., 1.2438, -1.9094, -4., 0.025, 0.3844, 0.2656, 1.0468, -0.3788,
+    -2.4517, 1.4656, -1.05, 0.0289, 0.426, 0.359, -0.325, 0.1156, 0.7781,
+    0.0025, 31.0625, -14.5, -46.1148, 55.375, -7.2312, 0.405, 13.35,
+    0.6234, 1.5, -0.6426, 1.8564, 0.5636,
+];
 /// The parameters of Perez's sky of a clearness and a brightness, when the sun
 /// stands at this angle from the zenith.
 fn perez(clearness: f64, brightness: f64, angle: f64) -> [f64; 5] {
-    let bin = PEREZ.partition_point(|(from, _)| *from <= clearness).max(1);
-    let (_, table) = PEREZ[bin - 1];
-    let mut parameters = table
-        .map(|[x, y, z, w]| x + y * angle + brightness * (z + w * angle));
-    if bin == 1 {
-        let [_, _, [c1, c2, c3, c4], [d1, d2, d3, d4], _] = table;
+    let row = CLEARNESS.partition_point(|from| *from <= clearness);
+    let row = row.saturating_sub(1);
+    let (table, _) = PEREZ[20 * row..].as_chunks();
+    let mut parameters = array::from_fn(|k| {
+        let [x, y, z, w] = table[k];
+        x + y * angle + brightness * (z + w * angle)
+    });
+    if row == 0 {
+        let ([c1, c2, c3, c4], [d1, d2, d3, d4]) = (table[2], table[3]);
         let power = libm::pow(brightness * (c1 + c2 * angle), c3);
         parameters[2] = libm::exp(power) - c4;
         let fall = libm::exp(brightness * (d1 + d2 * angle));
@@ -337,9 +282,16 @@ impl Gradation {
                 (perez(clearness, brightness, angle), 1.)
             }
         };
-        let even = [0.; 2];
-        let mut new = Self { sun, parameters, constant, unit: 1., even };
-        // Integrate over the sky
+        let (unit, even) = (1., [0.; 2]);
+        let new = Self { sun, parameters, constant, unit, even };
+        let [first, second] = new.moments(zenith);
+        let rise = 18. * (second / first - 2. / 3.);
+        let even = [1. - 2. / 3. * rise, rise];
+        Some(Self { unit: 1. / first, even, ..new })
+    }
+    /// The integrals of the radiance over the sky, weighted by the height above
+    /// the horizon and by its square, over pi.
+    fn moments(&self, zenith: DVec3) -> [f64; 2] {
         let [east, north] = compass(zenith);
         let (mut first, mut second) = (0., 0.);
         let midpoints = |n: u32| {
@@ -356,17 +308,13 @@ impl Gradation {
                 let across =
                     libm::sin(turn) * east + libm::cos(turn) * north;
                 let direction = height * zenith + level * across;
-                let part = weight * new.radiance(height, direction);
+                let part = weight * self.radiance(height, direction);
                 first += part;
                 second += part * height;
             }
         }
-        new.unit = 1. / first;
-        let rise = 18. * (second / first - 2. / 3.);
-        new.even = [1. - 2. / 3. * rise, rise];
-        Some(new)
+        [first, second]
     }
-
     /// Whether it is finite at the horizon.
     pub fn is_bounded(self) -> bool {
         self.parameters[1] <= 0.
@@ -397,8 +345,11 @@ impl Sky {
         Self::with(axis * axis.dot(up).signum(), Cover::Uniform)
     }
 
-    /// The sky around a zenith, whose vector is not zero; one that changes towards
-    /// the sun has it at the zenith.
+    /// The sky around a zenith, whose vector is not zero. A sun stands at the
+    /// zenith.
+    ///
+    /// # Panics
+    /// It is [`Cover::Cie`] of no type.
     pub fn with(zenith: DVec3, cover: Cover) -> Self {
         let zenith = normalise(zenith).normalize();
         let (background, below, gradation) = (None, 0., None);

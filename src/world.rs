@@ -466,13 +466,12 @@ fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
     let mut light = format!("{cover}, zenith {}", direction(zenith));
     light += &gradation
         .map_or(String::new(), |it| format!(", sun {}", direction(it.sun)));
-    if below > 0. {
-        light +=
-            &format!(", a ground of radiance {below} below the horizon");
+    let ground = subject.ground.map(|albedo| ("", albedo));
+    if let Some((kind, albedo)) =
+        ground.or((below > 0.).then_some(("glowing ", below)))
+    {
+        light += &format!(", above a {kind}ground of albedo {albedo}");
     }
-    light += &subject.ground.map_or(String::new(), |albedo| {
-        format!(", above a ground of albedo {albedo}")
-    });
     let seems_up = if plan.says_up() { None } else { mesh.up() };
     if let Some(up) = seems_up.filter(|&up| up != zenith) {
         let up = direction(up);
