@@ -166,7 +166,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             intersector.dispatch(trace)
         };
         let net_size = self.job.sampler.net_size();
-        if net_size == 1 && fragments.is_none() {
+        let (parts, columns) = self.job.integrator.row_parts();
+        if net_size == 1 && fragments.is_none() && parts == 0 {
             return trace(values).map(|Traced { pixels, rays, .. }| {
                 TilePart { pixels, rays, ..TilePart::default() }
             });
@@ -178,8 +179,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             halves: vec![HalfBuffers::default(); kept],
             ..TilePart::default()
         };
-        let (mut sums, integrator) = (vec![], &self.job.integrator);
-        let (parts, columns) = integrator.row_parts();
+        let mut sums = vec![];
         for value in values {
             let net = trace(value * net_size..(value + 1) * net_size)?;
             for (sum, net) in part.pixels.iter_mut().zip(&net.pixels) {

@@ -187,6 +187,20 @@ fn both_sides_of_a_face_are_two_rows_and_two_columns() {
 }
 
 #[test]
+fn the_rows_of_few_samples_are_complete() {
+    for samples in [1, 16, 63] {
+        let tally = Tally::ViewFactors(Surface::Faces);
+        let plan = plan(FACES, tally, samples);
+        let world = world(CUBE, &plan, DVec3::Z);
+        let film = film(&world, &plan);
+        for row in rows(&world.matrix(&film).unwrap()) {
+            let sum: f64 = row.iter().map(|cell| cell.1).sum();
+            assert!((sum - 1.).abs() <= 1e-12, "{sum}");
+        }
+    }
+}
+
+#[test]
 fn a_face_above_shows_its_back() {
     let sensor = SensorPlan::Faces { side: Side::Both, radiosity: false };
     let plan = plan(sensor, Tally::ViewFactors(Surface::Faces), 1 << 10);
