@@ -16,9 +16,8 @@ use serde_json::json;
 use crate::error::{Error, Result};
 use crate::film::{Entry, Film};
 use crate::report::MatrixSize;
-
-use crate::sensor::table::{Shape, Table, cell};
-use crate::tally::{Columns, Surface, Tally};
+use crate::sensor::table::{Table, cell};
+use crate::tally::{Columns, Surface, Tally, face_name};
 pub use closed::Cell;
 use closed::Closed;
 
@@ -50,30 +49,25 @@ impl MatrixFormat {
         (are_faces, is_binary): (bool, bool),
     ) -> Result<Self> {
         let ending = path.extension().and_then(|e| e.to_str());
-        let ending = ending.map(str::to_ascii_lowercase);
-        let is_square = *tally == Tally::ViewFactors(Surface::Faces);
-        let is_square = is_square && are_faces;
+        let is_square =
+            are_faces && *tally == Tally::ViewFactors(Surface::Faces);
         let has_sky = matches!(tally, Tally::SkyPatches(_));
-        Ok(match ending.as_deref() {
-            Some("csv") => Self::Csv,
-            None if path.as_os_str() == "-" => Self::Csv,
-            Some("vf") if is_square => Self::View3d,
-            Some("svf") if is_square => Self::Udales,
-            Some("json") if is_square => Self::EnergyPlus,
-            Some("mtx") if has_sky => Self::Radiance(is_binary),
-            _ => {
-                let fault = match has_sky {
-                    true => {
-                        "daylight coefficients are written as .mtx or .csv"
-                    }
-                    false => {
-                        "view factors are written as .csv, and those between \
-                         all faces as .vf, .svf or .json"
-                    }
-                };
-                return Err(Error::from(fault).of_file(path));
+        let fault = match has_sky {
+            true => "daylight coefficients are written as .mtx or .csv",
+            false => {
+                "view factors are written as .csv, and those between all \
+                 faces as .vf, .svf or .json"
             }
-        })
+        };
+        match ending.map(str::to_ascii_lowercase).as_deref() {
+            Some("csv") => Ok(Self::Csv),
+            None if path.as_os_str() == "-" => Ok(Self::Csv),
+            Some("vf") if is_square => Ok(Self::View3d),
+            Some("svf") if is_square => Ok(Self::Udales),
+            Some("json") if is_square => Ok(Self::EnergyPlus),
+            Some("mtx") if has_sky => Ok(Self::Radiance(is_binary)),
+            _ => Err(Error::from(fault).of_file(path)),
+        }
     }
 }
 
@@ -94,15 +88,48 @@ impl<'a> Matrix<'a> {
     pub fn new(
         columns: &'a Columns,
         table: &'a Table,
-        mut rows: Vec<Option<u32>>,
+        rows: Vec<Option<u32>>,
         film: &'a Film,
     ) -> Self {
         let (top, end) = (film.window.corner.1, film.window.end().1);
-        for row in &mut rows {
-            *row = row.filter(|y| (top..end).contains(y));
-            *row = row.filter(|&y| film.pixel(0, y).count() > 0);
-        }
+        let has = |&y: &u32| {
+            (top..end).contains(&y) && film.pixel(0, y).count() > 0
+        };
+        let rows = rows.into_iter().map(|row| row.filter(has)).collect();
         Self { columns, table, film, rows, closed: None }
+    }
+
+    /// The entries of a row that are not zero, by their columns; none if the
+    /// receiver has no value.
+    pub fn row(&self, row: usize) -> Option<Vec<Cell>> {
+        match &self.closed {
+            Some(closed) => closed.row(row),
+            None => self.sampled(row),
+        }
+    }
+
+    /// The entries of all rows, each after the number of its row.
+    fn cells(&self) -> impl Iterator<Item = (usize, Cell)> {
+        (0..self.height()).flat_map(|row| {
+            let cells = self.row(row).into_iter().flatten();
+            cells.map(move |cell| (row, cell))
+        })
+    }
+
+    /// The entries of a row as they were sampled: shares, or irradiances for a
+    /// radiance of 1 of a patch.
+    fn sampled(&self, row: usize) -> Option<Vec<Cell>> {
+        let Self { film, columns, .. } = self;
+        let at = film.at(0, self.rows[row]?);
+        let (n, size) = (film.pixels[at].count(), film.net_size);
+        let has_sky = matches!(columns.tally, Tally::SkyPatches(_));
+        let unit = if has_sky { PI } else { 1. };
+        let cell = |entry: Entry| {
+            let mean = unit * entry.mean(n * size);
+            (entry.column, mean, unit * entry.standard_error(n, size))
+        };
+        let whole = Entry::joined(&film.rows[at], columns.count);
+        Some(whole.into_iter().map(cell).collect())
     }
 
     /// The number of its rows.
@@ -112,65 +139,18 @@ impl<'a> Matrix<'a> {
 
     /// Its size, for a report.
     pub fn size(&self) -> MatrixSize {
-        let row = |i| self.row(i).map_or(0, |row| row.len());
-        let entries = (0..self.height()).map(row);
         MatrixSize {
             rows: self.height(),
             columns: self.columns.count,
-            entries: entries.sum(),
+            entries: self.cells().count(),
             moves: self.closed.as_ref().map(|closed| closed.moves),
-        }
-    }
-
-    /// The samples of a row.
-    pub fn samples(&self, row: usize) -> u64 {
-        let y = self.rows[row];
-        y.map_or(0, |y| self.film.pixel(0, y).count() * self.film.net_size)
-    }
-
-    /// The entries of a row that are not zero, by their columns; none if the
-    /// receiver has no value.
-    pub fn row(&self, row: usize) -> Option<Vec<Cell>> {
-        if let Some(closed) = &self.closed {
-            return closed.row(row);
-        }
-        self.sampled(row)
-    }
-
-    /// The entries of a row as they were sampled.
-    fn sampled(&self, row: usize) -> Option<Vec<Cell>> {
-        let (film, count) = (self.film, self.columns.count);
-        let at = film.at(0, self.rows[row]?);
-        let (n, size) = (film.pixels[at].count(), film.net_size);
-        let unit = self.unit();
-        let cell = |entry: Entry| {
-            let mean = unit * entry.mean(n * size);
-            (entry.column, mean, unit * entry.standard_error(n, size))
-        };
-        let whole = Entry::joined(&film.rows[at], count).into_iter();
-        Some(whole.map(cell).collect())
-    }
-
-    /// The irradiance for which an entry is 1: in units of the radiance of a
-    /// patch, or a share.
-    fn unit(&self) -> f64 {
-        match self.columns.tally {
-            Tally::SkyPatches(_) => PI,
-            _ => 1.,
         }
     }
 
     /// The name of a row: the number of a point or a face, and its side if
     /// both receive.
     pub fn name(&self, row: usize) -> String {
-        let sides = self.table.backs.len();
-        match &self.table.shape {
-            Shape::Faces(_) if sides == 2 => {
-                let side = ["front", "back"][row % 2];
-                format!("{} {side}", row / 2 + 1)
-            }
-            _ => (row + 1).to_string(),
-        }
+        face_name(row as u32, self.table.backs.len() as u32)
     }
 
     /// The area of the face of each row.
@@ -185,13 +165,32 @@ impl<'a> Matrix<'a> {
     /// # Errors
     /// There is none.
     pub fn close(&mut self) -> Result<()> {
-        let areas = self.areas();
-        let closed =
-            Closed::new(&areas, &|row| self.sampled(row), &|row| {
-                self.samples(row)
-            })?;
-        self.closed = Some(closed);
+        let samples =
+            |y| self.film.pixel(0, y).count() * self.film.net_size;
+        let samples = |row: usize| self.rows[row].map_or(0, samples);
+        let row = |row| self.sampled(row);
+        self.closed = Some(Closed::new(&self.areas(), &row, &samples)?);
         Ok(())
+    }
+
+    /// The value of the first column of each row, and its error.
+    pub fn first_cells(&self) -> Vec<[f64; 2]> {
+        let first = |row| match self.row(row).as_deref() {
+            None => [f64::NAN; 2],
+            Some([]) => [0.; 2],
+            Some(&[(_, value, error), ..]) => [value, error],
+        };
+        (0..self.height()).map(first).collect()
+    }
+
+    /// All entries of a row; not numbers if the receiver has no value.
+    pub fn dense(&self, row: usize) -> Vec<f64> {
+        let none = if self.rows[row].is_some() { 0. } else { f64::NAN };
+        let mut values = vec![none; self.columns.count as usize];
+        for (column, mean, _) in self.row(row).into_iter().flatten() {
+            values[column as usize] = mean;
+        }
+        values
     }
 
     /// Writes it.
@@ -216,73 +215,39 @@ impl<'a> Matrix<'a> {
     }
 
     fn csv(&self, out: &mut dyn Write) -> io::Result<()> {
-        let value = match self.columns.tally {
-            Tally::SkyPatches(_) => "coefficient",
-            _ => "factor",
-        };
+        let has_sky = matches!(self.columns.tally, Tally::SkyPatches(_));
+        let value = if has_sky { "coefficient" } else { "factor" };
         writeln!(out, "row,column,{value},stderr")?;
-        let names =
-            (0..self.columns.count).map(|column| self.columns.name(column));
-        let names: Vec<_> = names.map(|name| cell(&name)).collect();
-        for row in 0..self.height() {
-            let name = self.name(row);
-            for (column, mean, error) in self.row(row).into_iter().flatten()
-            {
-                let column = &names[column as usize];
-                writeln!(out, "{name},{column},{mean:?},{error:?}")?;
-            }
+        let name = |column| cell(&self.columns.name(column));
+        let names: Vec<_> = (0..self.columns.count).map(name).collect();
+        for (row, (column, mean, error)) in self.cells() {
+            let (row, column) = (self.name(row), &names[column as usize]);
+            writeln!(out, "{row},{column},{mean:?},{error:?}")?;
         }
         Ok(())
     }
 
-    /// The value of the first column of each row, and its error.
-    pub fn first_cells(&self) -> Vec<[f64; 2]> {
-        let first = |row| {
-            let cells = self.row(row)?;
-            let (_, value, error) =
-                cells.first().copied().unwrap_or_default();
-            Some([value, error])
-        };
-        let first = (0..self.height()).map(first);
-        first.map(|cell| cell.unwrap_or([f64::NAN; 2])).collect()
-    }
-
-    /// All entries of a row; not numbers if the receiver has no value.
-    pub fn dense(&self, row: usize) -> Vec<f64> {
-        let none = if self.rows[row].is_some() { 0. } else { f64::NAN };
-        let mut values = vec![none; self.columns.count as usize];
-        for (column, mean, _) in self.row(row).into_iter().flatten() {
-            values[column as usize] = mean;
-        }
-        values
-    }
-
     fn view3d(&self, out: &mut dyn Write) -> io::Result<()> {
         let n = self.height();
-        let head = format!(
-            "View3D 3.3.1 0 {} 0 {n}",
-            u8::from(self.closed.is_some())
-        );
+        let is_closed = u8::from(self.closed.is_some());
+        let head = format!("View3D 3.3.1 0 {is_closed} 0 {n}");
         writeln!(out, "{head:30}")?;
-        let join = |values: &[f64], decimals: usize| {
-            let text = |value: &f64| format!("{value:.decimals$}");
-            values.iter().map(text).collect::<Vec<_>>().join(" ")
-        };
         let areas = self.areas().into_iter().map(|a| a.to_string());
         writeln!(out, "{}", areas.collect::<Vec<_>>().join(" "))?;
         for row in 0..n {
-            writeln!(out, "{}", join(&self.dense(row)[..n], 6))?;
+            let values = self.dense(row).into_iter().take(n);
+            let values = values.map(|value| format!("{value:.6}"));
+            writeln!(out, "{}", values.collect::<Vec<_>>().join(" "))?;
         }
-        writeln!(out, "{}", join(&vec![1.; n], 3))
+        writeln!(out, "{}", vec!["1.000"; n].join(" "))
     }
 
     fn udales(&self, out: &mut dyn Write) -> io::Result<()> {
-        let n = self.height() as u32;
-        for row in 0..self.height() {
-            for (column, mean, _) in self.row(row).into_iter().flatten() {
-                if column < n && mean >= 5e-7 {
-                    writeln!(out, "{} {} {mean:.8}", row + 1, column + 1)?;
-                }
+        let n = self.height();
+        for (row, (column, mean, _)) in self.cells() {
+            let column = column as usize;
+            if column < n && mean >= 5e-7 {
+                writeln!(out, "{} {} {mean:.8}", row + 1, column + 1)?;
             }
         }
         Ok(())
@@ -294,21 +259,22 @@ impl<'a> Matrix<'a> {
         out: &mut dyn Write,
     ) -> io::Result<()> {
         let kind = "ZoneProperty:UserViewFactors:BySurfaceName";
-        let key = json!(format!("{kind} 1"));
-        writeln!(out, "{{\"{kind}\": {{{key}: {{")?;
         let zone = "zone_or_zonelist_or_space_or_spacelist_name";
-        write!(out, "\"{zone}\": {}, \"view_factors\": [", json!(scene))?;
+        write!(
+            out,
+            "{{\"{kind}\": {{\"{kind} 1\": {{\n\"{zone}\": {}, \
+             \"view_factors\": [",
+            json!(scene)
+        )?;
         let (mut sign, n) = ("", self.height());
         for row in 0..n {
-            let from = json!(self.name(row));
-            for (column, value) in
-                self.dense(row).iter().take(n).enumerate()
-            {
-                let to = json!(self.columns.name(column as u32));
+            let from = self.name(row);
+            for (k, value) in self.dense(row)[..n].iter().enumerate() {
+                let to = self.name(k);
                 write!(
                     out,
-                    "{sign}\n{{\"from_surface\": {from}, \"to_surface\": \
-                     {to}, \"view_factor\": {value:?}}}"
+                    "{sign}\n{{\"from_surface\": \"{from}\", \
+                     \"to_surface\": \"{to}\", \"view_factor\": {value:?}}}"
                 )?;
                 sign = ",";
             }
@@ -323,9 +289,9 @@ impl<'a> Matrix<'a> {
     ) -> io::Result<()> {
         let (rows, columns) = (self.height(), self.columns.count);
         let version = env!("CARGO_PKG_VERSION");
-        let format = match is_binary {
-            true => "BigEndian=0\nFORMAT=float",
-            false => "FORMAT=ascii",
+        let (format, end) = match is_binary {
+            true => ("BigEndian=0\nFORMAT=float", ""),
+            false => ("FORMAT=ascii", "\n"),
         };
         write!(
             out,
@@ -334,19 +300,14 @@ impl<'a> Matrix<'a> {
         )?;
         for row in 0..rows {
             for value in self.dense(row) {
-                match is_binary {
-                    true => out.write_all(
-                        &[(value as f32).to_le_bytes(); 3].concat(),
-                    )?,
-                    false => write!(
-                        out,
-                        "{value:.7e} {value:.7e} {value:.7e}\t"
-                    )?,
+                if is_binary {
+                    let bytes = (value as f32).to_le_bytes();
+                    out.write_all(&[bytes; 3].concat())?;
+                } else {
+                    write!(out, "{value:.7e} {value:.7e} {value:.7e}\t")?;
                 }
             }
-            if !is_binary {
-                writeln!(out)?;
-            }
+            write!(out, "{end}")?;
         }
         Ok(())
     }

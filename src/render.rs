@@ -179,7 +179,9 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             halves: vec![HalfBuffers::default(); kept],
             ..TilePart::default()
         };
-        let mut sums = vec![];
+        if parts > 0 {
+            part.rows.resize(tile.area(), vec![]);
+        }
         for value in values {
             let net = trace(value * net_size..(value + 1) * net_size)?;
             for (sum, net) in part.pixels.iter_mut().zip(&net.pixels) {
@@ -189,15 +191,11 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             part.rays += net.rays;
             // Add the contributions to the rows of a tally
             if parts > 0 {
-                let contributions =
-                    Contribution::sums(net.contributions).into_iter();
-                let k = value % parts;
-                sums.extend(contributions.map(|s| s.in_part(k, columns)));
+                let first = (value % parts) as u32 * columns;
+                Entry::append(&mut part.rows, net.contributions, first);
             }
         }
-        if parts > 0 {
-            part.rows = Entry::rows(&mut sums, tile.area());
-        }
+        part.rows = part.rows.into_iter().map(Entry::combined).collect();
         Some(part)
     }
 

@@ -83,17 +83,18 @@ pub struct Columns {
     pub count: u32,
     /// The number of columns of a face: two, if its back has its own.
     sides: u32,
-    /// The column of each triangle, or its front, by its slot.
-    of_slot: Vec<u32>,
-    /// The slope at each triangle, by its slot.
+    /// The column of each face, or its front.
+    of_face: Vec<u32>,
+    /// The slope at each face.
     slopes: Vec<f64>,
-    /// The names of columns that are not faces.
+    /// The names of columns that share surfaces, and of those beyond.
     names: Vec<String>,
-    patches: Patches,
+    /// The patches of the sky, if they are the columns.
+    pub patches: Patches,
 }
 
-/// The names of the columns beyond all surfaces.
-const BEYOND: [&str; 2] = ["sky", "ground"];
+/// The names of the columns of faces without a name, and beyond all surfaces.
+const OTHERS: [&str; 3] = ["unnamed", "sky", "ground"];
 
 impl Columns {
     /// The columns of a tally in a scene, whose faces have these albedos, under
@@ -103,178 +104,136 @@ impl Columns {
     /// There is no such name in the scene, or its albedo is 0 somewhere.
     pub fn new(
         tally: &Tally,
-        (mesh, bvh): (&Mesh, &Bvh),
+        mesh: &Mesh,
         albedos: &FaceAlbedos,
         zenith: DVec3,
         has_sides: bool,
     ) -> Result<Self> {
-        let factor = match tally {
-            &Tally::SkyPatches(factor) => factor,
-            _ => 1,
-        };
-        let mut columns = Self {
-            tally: tally.clone(),
-            count: 1,
-            sides: 1,
-            of_slot: vec![],
-            slopes: vec![],
-            names: vec![],
-            patches: Patches::new(factor, zenith),
-        };
+        let mut sides = 1;
+        let (mut of_face, mut slopes, mut names) = (vec![], vec![], vec![]);
+        let mut patches = Patches::new(1, zenith);
         // Number the columns
-        match tally {
+        let faces = mesh.faces().last().map_or(0, |last| last + 1);
+        let count = match tally {
             Tally::ViewFactors(Surface::Faces) => {
-                columns.sides = if has_sides { 2 } else { 1 };
-                let faces = mesh.faces().last().map_or(0, |last| last + 1);
-                columns.count = columns.sides * faces;
-                columns.of_slot = by_slot(bvh, |face| columns.sides * face);
+                sides += u32::from(has_sides);
+                of_face = (0..faces).map(|face| sides * face).collect();
+                sides * faces + 2
             }
             Tally::ViewFactors(surface) => {
-                let kind = surface.kind();
-                let (found, names) = named(&mesh.marks, kind);
-                columns.count = names.len() as u32;
-                columns.names = names;
-                columns.of_slot = by_slot(bvh, found);
+                (of_face, names) =
+                    named(&mesh.marks, *surface, faces as usize);
+                names.len() as u32
             }
-            Tally::SkyPatches(_) => columns.count = columns.patches.count(),
+            Tally::SkyPatches(factor) => {
+                patches = Patches::new(*factor, zenith);
+                patches.count()
+            }
             Tally::Derivative(name) => {
-                columns.slopes = slopes(name, mesh, bvh, albedos)?;
+                slopes = self::slopes(name, &mesh.marks, albedos, faces)?;
+                1
             }
-        }
-        // Add the columns beyond all surfaces
-        if tally.is_of_surfaces() {
-            columns.count += BEYOND.len() as u32;
-        }
-        Ok(columns)
+        };
+        let tally = tally.clone();
+        Ok(Self { tally, count, sides, of_face, slopes, names, patches })
     }
 
     /// The column of what a direction meets first: a surface, or else the sky
     /// or the ground.
     #[inline(always)]
-    pub fn seen(
-        &self,
-        hit: Option<&Hit>,
-        is_up: bool,
-        is_back: impl Fn(&Hit) -> bool,
-    ) -> u32 {
-        let [sky, ground] = [self.count - 2, self.count - 1];
+    pub fn seen(&self, bvh: &Bvh, hit: Option<&Hit>, is_up: bool) -> u32 {
         match hit {
-            Some(hit) if hit.primitive == GROUND => ground,
-            Some(hit) => {
-                let front = self.of_slot[hit.primitive as usize];
-                front + u32::from(self.sides == 2 && is_back(hit))
+            Some(hit) if hit.primitive != GROUND => {
+                let front = self.of_face[bvh.face(hit.primitive) as usize];
+                front + u32::from(self.sides == 2 && bvh.is_on_back(hit))
             }
-            None if is_up => sky,
-            None => ground,
+            None if is_up => self.count - 2,
+            _ => self.count - 1,
         }
     }
 
-    /// The column of a direction of the sky.
+    /// One over the albedo at a hit on this triangle, if it is the one by which
+    /// the light is differentiated; else 0.
     #[inline(always)]
-    pub fn patch(&self, direction: DVec3) -> u32 {
-        self.patches.number(direction)
-    }
-
-    /// One over the albedo of a triangle, if it is the one by whose albedo the
-    /// light is differentiated; else 0.
-    #[inline(always)]
-    pub fn slope(&self, primitive: u32) -> f64 {
-        let slope = self.slopes.get(primitive as usize);
-        slope.copied().unwrap_or(0.)
+    pub fn slope(&self, bvh: &Bvh, primitive: u32) -> f64 {
+        if self.slopes.is_empty() || primitive >= GROUND {
+            return 0.;
+        }
+        self.slopes[bvh.face(primitive) as usize]
     }
 
     /// The name of a column.
     pub fn name(&self, column: u32) -> String {
         match &self.tally {
-            Tally::SkyPatches(_) => return column.to_string(),
-            Tally::Derivative(name) => return name.clone(),
-            Tally::ViewFactors(_) => (),
-        }
-        if let Some(k) = (column + 2).checked_sub(self.count) {
-            return BEYOND[k as usize].to_owned();
-        }
-        match self.names.get(column as usize) {
-            Some(name) => name.clone(),
-            None if self.sides == 1 => (column + 1).to_string(),
-            None => {
-                let side = ["front", "back"][column as usize % 2];
-                format!("{} {side}", column / 2 + 1)
+            Tally::SkyPatches(_) => column.to_string(),
+            Tally::Derivative(name) => name.clone(),
+            Tally::ViewFactors(Surface::Faces) => {
+                match (column + 3).checked_sub(self.count) {
+                    Some(k @ 1..) => OTHERS[k as usize].to_owned(),
+                    _ => face_name(column, self.sides),
+                }
             }
+            Tally::ViewFactors(_) => self.names[column as usize].clone(),
         }
     }
 }
 
-impl Surface {
-    fn kind(self) -> MarkKind {
-        match self {
-            Self::Faces | Self::Objects => MarkKind::Object,
-            Self::Materials => MarkKind::Material,
-            Self::Groups => MarkKind::Group,
-        }
+/// The name of a face with one side or two, among all sides.
+pub(crate) fn face_name(number: u32, sides: u32) -> String {
+    match (sides, number % 2) {
+        (1, _) => (number + 1).to_string(),
+        (_, 0) => format!("{} front", number / 2 + 1),
+        _ => format!("{} back", number / 2 + 1),
     }
 }
 
-/// A value of each triangle, by its slot, given that of its face.
-fn by_slot<T: Copy + Default>(bvh: &Bvh, of: impl Fn(u32) -> T) -> Vec<T> {
-    let mut values = vec![];
-    bvh.for_each(|slot, _| {
-        let slot = slot as usize;
-        values.resize(values.len().max(slot + 1), T::default());
-        values[slot] = of(bvh.face(slot as u32));
-    });
-    values
-}
-
-/// The number of the name of each face, and the names of a kind.
+/// The column of each of some faces, and the names of the columns.
 fn named(
     marks: &[Mark],
-    kind: MarkKind,
-) -> (impl Fn(u32) -> u32, Vec<String>) {
-    let mut list: Vec<String> =
-        names(marks, kind).map(str::to_owned).collect();
-    let place = |name: &str| list.binary_search_by(|n| n[..].cmp(name));
-    let unnamed = list.len() as u32;
-    let of_kind = marks.iter().filter(|mark| mark.kind == kind);
-    let mut stretches = vec![(0, unnamed)];
-    for Mark { face, name, .. } in of_kind {
-        let column = place(name).map_or(unnamed, |k| k as u32);
-        stretches.push((*face, column));
-    }
-    // Tell a surface from what is beyond all
-    for name in &mut list {
-        if BEYOND.contains(&&name[..]) || *name == "unnamed" {
-            name.insert_str(0, "named ");
-        }
-    }
-    list.push("unnamed".to_owned());
-    let found = move |face| {
-        let after = stretches.partition_point(|&(first, _)| first <= face);
-        stretches[after - 1].1
+    surface: Surface,
+    faces: usize,
+) -> (Vec<u32>, Vec<String>) {
+    let kind = match surface {
+        Surface::Faces | Surface::Objects => MarkKind::Object,
+        Surface::Materials => MarkKind::Material,
+        Surface::Groups => MarkKind::Group,
     };
-    (found, list)
+    let found: Vec<_> = names(marks, kind).collect();
+    let (unnamed, mut of_face) = (found.len(), vec![]);
+    let mut column = unnamed as u32;
+    for Mark { face, name, .. } in marks.iter().filter(|m| m.kind == kind) {
+        of_face.resize(*face as usize, column);
+        let place = found.binary_search(&&name[..]);
+        column = place.unwrap_or(unnamed) as u32;
+    }
+    of_face.resize(faces, column);
+    // Distinguish a surface from what is beyond all
+    let distinct = found.iter().map(|name| match OTHERS.contains(name) {
+        true => format!("named {name}"),
+        false => (*name).to_owned(),
+    });
+    (of_face, distinct.chain(OTHERS.map(str::to_owned)).collect())
 }
 
-/// The slope at each triangle of a name, by its slot.
+/// The slope at each of some faces, by the albedo of those of a name.
 fn slopes(
     name: &str,
-    mesh: &Mesh,
-    bvh: &Bvh,
+    marks: &[Mark],
     albedos: &FaceAlbedos,
+    faces: u32,
 ) -> Result<Vec<f64>> {
     let named_albedos = vec![(name.to_owned(), 1.)];
     let named = Named { named_albedos, ..Named::default() };
-    let meant =
-        FaceAlbedos::new(&mesh.marks, &named, 0.).map_err(|_| {
-            let option = format!("--derivative {}", quoted(name));
-            unknown_name(&mesh.marks, name, &option)
-        })?;
+    let meant = FaceAlbedos::new(marks, &named, 0.).map_err(|_| {
+        let option = format!("--derivative {}", quoted(name));
+        unknown_name(marks, name, &option)
+    })?;
     let slope = |face| match meant.of(face) {
         0. => 0.,
         _ => 1. / albedos.of(face),
     };
-
-    let slopes = by_slot(bvh, slope);
-    if slopes.iter().any(|slope| slope.is_infinite()) {
+    let slopes: Vec<f64> = (0..faces).map(slope).collect();
+    if slopes.contains(&f64::INFINITY) {
         let fault = format!(
             "derivative {name}: its albedo is 0, and no path goes on from it"
         );

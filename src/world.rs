@@ -204,7 +204,7 @@ impl World {
         let columns = named_mesh.map(|(tally, mesh)| {
             let (zenith, has_sides) =
                 (subject.sky.zenith, plan.has_sides());
-            Columns::new(tally, (&mesh, bvh), &faces, zenith, has_sides)
+            Columns::new(tally, &mesh, &faces, zenith, has_sides)
         });
         let columns = columns.transpose()?;
         // Sort the receivers and finish the world

@@ -8,9 +8,8 @@ use std::path::PathBuf;
 
 use litpt::error::{Error, Result};
 use litpt::matrix::daylight::{
-    Daylight, Demand, Illuminance, Interval, SkyMatrix, Year,
+    Daylight, Demand, Interval, SkyMatrix, Year,
 };
-use litpt::tally::REPLICATES;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -111,8 +110,8 @@ impl Sky {
             let rows = lux.par_chunks_mut(steps.len());
             let rows = rows.zip(errors.par_chunks_mut(steps.len()));
             rows.enumerate().for_each(|(sensor, (lux, errors))| {
-                if let Some(parts) = daylight.replicates(sensor) {
-                    let light = Illuminance::new(&parts, &self.0, &steps);
+                let light = daylight.illuminance(sensor, &self.0, &steps);
+                if let Some(light) = light {
                     lux.copy_from_slice(&light.lux);
                     errors.copy_from_slice(&light.standard_errors());
                 }
@@ -156,7 +155,7 @@ fn on_daylight<T: Send>(
 ) -> PyResult<T> {
     let Rendering { world, record, film, .. } = rendering;
     let rows = &world.rows();
-    let count = world.columns.as_ref().map_or(0, |it| it.count);
-    let daylight = Daylight { film, rows, columns: (count, REPLICATES) };
+    let columns = world.columns.as_ref().map_or(0, |it| it.count);
+    let daylight = Daylight { film, rows, columns };
     py.detach(|| on_threads(record.plan.threads, || work(&daylight)))
 }

@@ -4,11 +4,11 @@
 //! The command `ptimg`: show and compare images, and add states.
 
 use std::collections::BTreeSet;
-use std::{env, fs};
-
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::{env, fs};
 
 use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
@@ -26,17 +26,14 @@ use litpt::compare::{compare, disagreements};
 use litpt::error::{Error, Result};
 use litpt::image::{Format, Image, OPACITY};
 use litpt::matrix::daylight::Daylight as Coefficients;
-use litpt::matrix::daylight::{
-    Demand, Illuminance, Interval, SkyMatrix, Year,
-};
+use litpt::matrix::daylight::{Demand, Interval, SkyMatrix, Year};
 use litpt::output::{OutputTarget, descriptor, format_of, refuse_aliases};
 use litpt::plan::{Outputs, Product};
 use litpt::report::Kind;
 use litpt::run_output::RunOutput;
 use litpt::state::checkpoint::{Checkpoint, RunRecord};
 use litpt::state::shards::{self, is_state_name};
-use litpt::tally::patches::Patches;
-use litpt::tally::{REPLICATES, Tally};
+use litpt::tally::{Tally, patches::Patches};
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
 
@@ -485,19 +482,16 @@ fn merge(
 /// Multiplies daylight coefficients with a sky.
 fn daylight(asked: &Daylight) -> Result<()> {
     let Daylight { state, sky, output, illuminance, .. } = asked;
-    let read = [state, sky].into_iter().map(PathBuf::as_path);
     let written = illuminance.iter().chain([output]);
+    let read = [state.as_path(), sky].into_iter();
     refuse_aliases(read, written.map(PathBuf::as_path))?;
-    let target = OutputTarget::file(output, asked.force)?;
-    let hourly = illuminance.as_ref();
-    let hourly = hourly
-        .map(|path| OutputTarget::file(path, asked.force))
-        .transpose()?;
+    let target = |path: &PathBuf| OutputTarget::file(path, asked.force);
+    let table = target(output)?;
+    let hourly = illuminance.as_ref().map(target).transpose()?;
     // Read the coefficients and the sky
     let mut checkpoint = Checkpoint::of_file(state)?;
     let RunRecord { run_key, rows, .. } = checkpoint.record.clone();
-    let tally = run_key.subject.tally.as_ref();
-    let Some(&Tally::SkyPatches(factor)) = tally else {
+    let Some(Tally::SkyPatches(factor)) = run_key.subject.tally else {
         let fault = "holds no daylight coefficients, of pt --sky-patches";
         return Err(Error::from(fault).of_file(state));
     };
@@ -506,55 +500,44 @@ fn daylight(asked: &Daylight) -> Result<()> {
     let bytes = fs::read(sky).map_err(Error::cannot("read", sky))?;
     let year = SkyMatrix::read(&bytes).map_err(|e| e.of_file(sky))?;
     let steps = steps(&asked.hours, year.steps)?;
-    let columns = (Patches::new(factor, DVec3::Z).count(), REPLICATES);
+    let columns = Patches::new(factor, DVec3::Z).count();
     let coefficients = Coefficients { film: &film, rows: &rows, columns };
     let &Daylight { enough, part, useful, .. } = asked;
     let demand = Demand { enough, useful: useful.into(), hours: part };
     let found = Year::new(&coefficients, &year, &steps, demand)
         .map_err(|error| error.of_file(sky))?;
     // Write the tables
-    target.write(&mut |out| {
+    table.write(&mut |out| {
         writeln!(out, "row,da,da_low,da_high,udi,udi_low,udi_high")?;
         for (n, sensor) in (1..).zip(&found.sensors) {
-            let Some([da, udi]) = sensor else { continue };
-            let words =
-                [da, udi].map(|Interval { value, ends: [a, b] }| {
-                    format!("{value},{a},{b}")
-                });
-            writeln!(out, "{n},{}", words.join(","))?;
+            let Some(both) = sensor else { continue };
+            let [da, udi] = both.map(|Interval { value, ends: [a, b] }| {
+                format!("{value},{a},{b}")
+            });
+            writeln!(out, "{n},{da},{udi}")?;
         }
         Ok(())
     })?;
-    if let Some(hourly) = hourly {
-        hourly.write(&mut |out| {
-            writeln!(out, "row,step,lux,stderr")?;
-            for sensor in 0..rows.len() {
-                let Some(replicates) = coefficients.replicates(sensor)
-                else {
-                    continue;
-                };
-                let light = Illuminance::new(&replicates, &year, &steps);
-                let errors = light.standard_errors();
-                let lines = steps.iter().zip(light.lux.iter().zip(errors));
-                for (step, (lux, error)) in lines {
-                    writeln!(
-                        out,
-                        "{},{step},{lux:.4},{error:.4}",
-                        sensor + 1
-                    )?;
-                }
+    let mut hours = |out: &mut dyn Write| {
+        writeln!(out, "row,step,lux,stderr")?;
+        for (n, sensor) in (1..).zip(0..rows.len()) {
+            let light = coefficients.illuminance(sensor, &year, &steps);
+            let Some(light) = light else { continue };
+            let values = light.lux.iter().zip(light.standard_errors());
+            for (step, (lux, error)) in steps.iter().zip(values) {
+                writeln!(out, "{n},{step},{lux:.4},{error:.4}")?;
             }
-            Ok(())
-        })?;
-    }
+        }
+        Ok(())
+    };
+    hourly.map_or(Ok(()), |target| target.write(&mut hours))?;
     let Interval { value, ends: [a, b] } = found.spatial;
     let [value, a, b, part] = [value, a, b, part].map(|part| 100. * part);
-    let line = format!(
+    progress::inform(&format!(
         "sDA {value:.1} % of the sensors, from {a:.1} to {b:.1} %, have \
          {enough} lux in {part} % of {} hours",
         steps.len()
-    );
-    progress::inform(&line);
+    ));
     Ok(())
 }
 
@@ -563,47 +546,44 @@ fn steps(hours: &str, count: usize) -> Result<Vec<usize>> {
     let fault =
         |fault: String| Error::from(format!("--hours {hours}: {fault}"));
     let counts: Vec<bool> = match parse_range(hours) {
-        Ok((from, to)) if to <= 24 => {
-            if !count.is_multiple_of(24) {
-                let text = format!(
-                    "the sky has {count} steps, and no whole days: a file of \
-                     0 and 1 tells which of them count"
-                );
-                return Err(fault(text));
-            }
-            let hour = |step: usize| (step % 24) as u64;
-            (0..count)
-                .map(|step| (from..to).contains(&hour(step)))
-                .collect()
+        Ok((_, 25..)) => {
+            return Err(fault("a day has 24 hours".to_owned()));
         }
-        Ok(_) => return Err(fault("a day has 24 hours".to_owned())),
+        Ok(_) if !count.is_multiple_of(24) => {
+            return Err(fault(format!(
+                "the sky has {count} steps, and no whole days: a file of 0 \
+                 and 1 tells which of them count"
+            )));
+        }
+        Ok((from, to)) => {
+            let hours = (0..24).cycle().take(count);
+            hours.map(|hour| (from..to).contains(&hour)).collect()
+        }
         Err(_) => {
             // Read which steps count
             let text = fs::read_to_string(hours)
                 .map_err(Error::cannot("read", hours))?;
-            let number = |word: &str| match word {
-                "0" | "0.0" => Ok(false),
-                "1" | "1.0" => Ok(true),
-                other => {
-                    Err(fault(format!("'{other}' is neither 0 nor 1")))
-                }
-            };
             let words = text.split(|c: char| c.is_whitespace() || c == ',');
             let words = words.filter(|word| !word.is_empty());
-            words.map(number).collect::<Result<_>>()?
+            let counts = words.map(|word| match word {
+                "0" | "0.0" => Ok(false),
+                "1" | "1.0" => Ok(true),
+                _ => Err(fault(format!("'{word}' is neither 0 nor 1"))),
+            });
+            counts.collect::<Result<_>>()?
         }
     };
-    let steps = counts.iter().enumerate().filter(|(_, counts)| **counts);
-    let steps: Vec<_> = steps.map(|(step, _)| step).collect();
     if counts.len() != count {
-        let text =
-            format!("{} steps, and the sky has {count}", counts.len());
-        return Err(fault(text));
+        return Err(fault(format!(
+            "{} steps, and the sky has {count}",
+            counts.len()
+        )));
     }
-    if steps.is_empty() {
-        return Err(fault("no step counts".to_owned()));
+    let steps: Vec<_> = (0..count).filter(|&step| counts[step]).collect();
+    match steps.is_empty() {
+        true => Err(fault("no step counts".to_owned())),
+        false => Ok(steps),
     }
-    Ok(steps)
 }
 
 /// Reads an image and warns of its faults.

@@ -7,15 +7,15 @@
 //! division among threads and parts of a run changes a bit.
 //!
 //! ```
-//! use litpt::film::{Entry, Contribution};
+//! use litpt::film::{Contribution, Entry};
 //!
 //! // Two replicates of two samples: column 7 gets three of the four.
-//! let mut row = vec![];
-//! for contributions in [[7, 7], [7, 9]] {
-//!     let new = |c| Contribution::new(0, c, 1.);
-//!     let mut sums = Contribution::sums(contributions.map(new));
-//!     Entry::add_all(&mut row, &Entry::rows(&mut sums, 1)[0]);
+//! let mut rows = vec![vec![]];
+//! for columns in [[7, 7], [7, 9]] {
+//!     let samples = columns.map(|c| Contribution::new(0, c, 1.));
+//!     Entry::append(&mut rows, samples.into(), 0);
 //! }
+//! let row = Entry::combined(rows.remove(0));
 //! let columns: Vec<_> = row.iter().map(|entry| entry.column).collect();
 //! assert_eq!(columns, [7, 9]);
 //! assert_eq!(row[0].mean(4), 0.75);
@@ -28,7 +28,7 @@ use std::io::{self, Read, Write};
 
 use crate::numerics::power_of_two;
 
-/// What one sample, or one replicate, adds to an entry of a tile.
+/// What a sample adds to an entry of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Contribution {
     /// The pixel in its tile.
@@ -37,45 +37,17 @@ pub struct Contribution {
     column: u32,
     /// The weight in units of 2^-32.
     weight: u64,
-    /// The number of samples.
-    count: u32,
 }
 
 /// The units of a weight of 1.
 const UNITS: f64 = power_of_two(32);
 
 impl Contribution {
-    /// The contribution of a sample of a pixel; its weight is cut to a multiple of
-    /// 2^-32.
+    /// The contribution of a sample of a pixel; its weight is cut to a multiple
+    /// of 2^-32.
     #[inline]
     pub fn new(pixel: u32, column: u32, weight: f64) -> Self {
-        let weight = (weight * UNITS) as u64;
-        Self { pixel, column, weight, count: 1 }
-    }
-
-    /// The same contribution to the row's part `k`, if each has so many
-    /// columns.
-    pub fn in_part(self, k: u64, columns: u32) -> Self {
-        Self { column: self.column + k as u32 * columns, ..self }
-    }
-
-    /// The contributions of a replicate: sorted, and one for each entry.
-    pub fn sums(samples: impl Into<Vec<Self>>) -> Vec<Self> {
-        let mut contributions = samples.into();
-        contributions.sort_unstable();
-        contributions.dedup_by(|next, sum| {
-            let is_same = next.place() == sum.place();
-            if is_same {
-                sum.weight = sum.weight.saturating_add(next.weight);
-                sum.count = sum.count.saturating_add(next.count);
-            }
-            is_same
-        });
-        contributions
-    }
-
-    fn place(&self) -> (u32, u32) {
-        (self.pixel, self.column)
+        Self { pixel, column, weight: (weight * UNITS) as u64 }
     }
 }
 
@@ -94,58 +66,44 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// The rows of so many pixels, from the sums of replicates.
-    pub fn rows(
-        sums: &mut [Contribution],
-        pixels: usize,
-    ) -> Vec<Vec<Self>> {
-        let mut rows = vec![vec![]; pixels];
-        sums.sort_unstable();
-        for contributions in sums.chunk_by(|a, b| a.place() == b.place()) {
-            let (pixel, column) = contributions[0].place();
-            let mut entry = Self { column, ..Self::default() };
-            for &Contribution { weight: sum, count, .. } in contributions {
-                let squares = u128::from(sum).pow(2);
-                entry.merge(&Self { column, count, sum, squares });
-            }
-            rows[pixel as usize].push(entry);
+    /// Appends the sums of the samples of a replicate to the rows of their
+    /// pixels, whose columns begin with this one.
+    pub fn append(
+        rows: &mut [Vec<Self>],
+        mut samples: Vec<Contribution>,
+        first: u32,
+    ) {
+        let place = |sample: &Contribution| (sample.pixel, sample.column);
+        samples.sort_unstable();
+        for same in samples.chunk_by(|a, b| place(a) == place(b)) {
+            let (pixel, column) = place(&same[0]);
+            let weights = same.iter().map(|sample| sample.weight);
+            let sum = weights.fold(0, u64::saturating_add);
+            let squares = u128::from(sum).pow(2);
+            let (column, count) = (first + column, same.len() as u32);
+            rows[pixel as usize].push(Self { column, count, sum, squares });
         }
-        rows
     }
 
-    fn merge(&mut self, more: &Self) {
-        self.count = self.count.saturating_add(more.count);
-        self.sum = self.sum.saturating_add(more.sum);
-        self.squares = self.squares.saturating_add(more.squares);
+    /// The entries in the order of their columns, one for each.
+    pub fn combined(mut entries: Vec<Self>) -> Vec<Self> {
+        entries.sort_by_key(|entry| entry.column);
+        entries.dedup_by(|next, sum| {
+            let is_same = next.column == sum.column;
+            if is_same {
+                sum.count = sum.count.saturating_add(next.count);
+                sum.sum = sum.sum.saturating_add(next.sum);
+                sum.squares = sum.squares.saturating_add(next.squares);
+            }
+            is_same
+        });
+        entries.shrink_to_fit();
+        entries
     }
 
-    /// Adds the entries of a row to another one; both are sorted by columns.
+    /// Adds the entries of a row to another one.
     pub fn add_all(row: &mut Vec<Self>, more: &[Self]) {
-        let mut place = 0;
-        let is_new = |entry: &&Self| {
-            let rest = &row[place..];
-            place += rest.partition_point(|e| e.column < entry.column);
-            row.get(place).is_none_or(|e| e.column != entry.column)
-        };
-        let new = more.iter().filter(is_new).count();
-        // Merge from the last entry on
-        let mut kept = row.len();
-        row.resize(kept + new, Self::default());
-        let mut end = row.len();
-        for entry in more.iter().rev() {
-            while kept > 0 && row[kept - 1].column > entry.column {
-                (end, kept) = (end - 1, kept - 1);
-                row[end] = row[kept];
-            }
-            end -= 1;
-            if kept > 0 && row[kept - 1].column == entry.column {
-                kept -= 1;
-                row[end] = row[kept];
-                row[end].merge(entry);
-            } else {
-                row[end] = *entry;
-            }
-        }
+        *row = Self::combined([row, more].concat());
     }
 
     /// The entries of a row whose parts have so many columns each, as those
@@ -155,16 +113,7 @@ impl Entry {
             column: entry.column % columns,
             ..*entry
         };
-        let mut joined: Vec<Self> = row.iter().map(of_part).collect();
-        joined.sort_by_key(|entry| entry.column);
-        joined.dedup_by(|next, sum| {
-            let is_same = next.column == sum.column;
-            if is_same {
-                sum.merge(next);
-            }
-            is_same
-        });
-        joined
+        Self::combined(row.iter().map(of_part).collect())
     }
 
     /// The mean weight over so many samples of the row.
@@ -178,14 +127,13 @@ impl Entry {
     /// The standard error of the mean over so many replicates of so many
     /// samples, at least that of one sample; infinite where it is unknown.
     pub fn standard_error(&self, replicates: u64, size: u64) -> f64 {
-        let n = u128::from(replicates);
-        let squares = self.squares.checked_mul(n).filter(|_| n > 1);
-        let square = u128::from(self.sum).pow(2);
-        let Some(difference) = squares.map(|s| s.saturating_sub(square))
-        else {
-            return f64::INFINITY;
-        };
         let n = replicates as f64;
+        let squares = self.squares.saturating_mul(replicates.into());
+        if replicates < 2 || squares == u128::MAX {
+            return f64::INFINITY;
+        }
+        let difference =
+            squares.saturating_sub(u128::from(self.sum).pow(2));
         let variance = difference as f64 / (n * (n - 1.));
         let least = self.sum as f64 / f64::from(self.count.max(1)) / n;
         (variance / n).sqrt().max(least) / UNITS / size as f64
@@ -194,32 +142,27 @@ impl Entry {
     /// Writes the entries of a row.
     pub fn write(row: &[Self], out: &mut dyn Write) -> io::Result<()> {
         out.write_all(&(row.len() as u32).to_le_bytes())?;
-        row.iter().try_for_each(|entry| {
-            out.write_all(&entry.column.to_le_bytes())?;
-            out.write_all(&entry.count.to_le_bytes())?;
-
-            out.write_all(&entry.sum.to_le_bytes())?;
-            out.write_all(&entry.squares.to_le_bytes())
+        row.iter().try_for_each(|&Self { column, count, sum, squares }| {
+            out.write_all(&[column, count].map(u32::to_le_bytes).concat())?;
+            out.write_all(&sum.to_le_bytes())?;
+            out.write_all(&squares.to_le_bytes())
         })
     }
 
     /// Reads a row that was written.
     pub fn read(from: &mut dyn Read) -> io::Result<Vec<Self>> {
-        let (mut four, mut eight, mut sixteen) = ([0; 4], [0; 8], [0; 16]);
-        from.read_exact(&mut four)?;
-        let count = u32::from_le_bytes(four);
-        let mut row = vec![];
-        for _ in 0..count {
-            from.read_exact(&mut four)?;
-            let column = u32::from_le_bytes(four);
-            from.read_exact(&mut four)?;
-            let count = u32::from_le_bytes(four);
-            from.read_exact(&mut eight)?;
-            from.read_exact(&mut sixteen)?;
-            let sum = u64::from_le_bytes(eight);
-            let squares = u128::from_le_bytes(sixteen);
-            row.push(Self { column, count, sum, squares });
-        }
-        Ok(row)
+        let mut count = [0; 4];
+        from.read_exact(&mut count)?;
+        let mut word = || {
+            let mut bytes = [0; 16];
+            let read = from.read_exact(&mut bytes);
+            read.map(|()| u128::from_le_bytes(bytes))
+        };
+        let entry = |_| {
+            let (head, squares) = (word()?, word()?);
+            let [column, count] = [head as u32, (head >> 32) as u32];
+            Ok(Self { column, count, sum: (head >> 64) as u64, squares })
+        };
+        (0..u32::from_le_bytes(count)).map(entry).collect()
     }
 }

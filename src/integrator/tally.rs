@@ -42,13 +42,14 @@ impl Integrator for TallyTracer<'_> {
         let is_first_ray = path.bounces == 1;
         if is_first_ray && self.columns.tally.is_of_surfaces() {
             // End at the first surface
-            let sky = || self.paths.sky.radiance(path.direction);
-            let seen = if hit.is_some() { 0. } else { sky() };
-            return PathEvent::Terminate(seen);
+            return PathEvent::Terminate(match hit {
+                Some(_) => 0.,
+                None => self.paths.sky.radiance(path.direction),
+            });
         }
         let event = self.paths.advance(path, hit, sampler);
         if let (PathEvent::Scatter(..), Some(hit)) = (event, hit) {
-            *slope += self.columns.slope(hit.primitive);
+            *slope += self.columns.slope(self.bvh, hit.primitive);
         }
         event
     }
@@ -72,12 +73,12 @@ impl Integrator for TallyTracer<'_> {
         match columns.tally {
             Tally::ViewFactors(_) => {
                 let up = self.paths.sky.zenith.dot(path.direction);
-                let is_back = |hit: &Hit| self.bvh.is_on_back(hit);
-                Some((columns.seen(hit, up > 0., is_back), 1.))
+                Some((columns.seen(self.bvh, hit, up > 0.), 1.))
             }
             Tally::SkyPatches(_) if hit.is_some() => None,
             Tally::SkyPatches(_) => {
-                Some((columns.patch(path.direction), path.throughput))
+                let patch = columns.patches.number(path.direction);
+                Some((patch, path.throughput))
             }
             Tally::Derivative(_) => Some((0, contribution * slope)),
         }

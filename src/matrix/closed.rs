@@ -5,22 +5,6 @@
 //!
 //! Least squares under linear constraints, each entry weighted by one over
 //! its variance (after Daun, Morton and Howell 2005).
-//!
-//! ```
-//! use litpt::matrix::closed::Closed;
-//!
-//! // Two faces see each other and the sky.
-//! let rows = [
-//!     vec![(1, 0.30, 0.01), (2, 0.69, 0.01)],
-//!     vec![(0, 0.14, 0.01), (2, 0.86, 0.01)],
-//! ];
-//! let row = |i: usize| Some(rows[i].clone());
-//! let closed = Closed::new(&[1., 2.], &row, &|_| 1000)?;
-//! let [a, b] = [0, 1].map(|i| closed.row(i).unwrap());
-//! assert!((a[0].1 + a[1].1 - 1.).abs() < 1e-12);
-//! assert!((a[0].1 - 2. * b[0].1).abs() < 1e-12);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 
 use crate::error::Result;
 
@@ -29,23 +13,23 @@ pub type Cell = (u32, f64, f64);
 
 /// View factors that are reciprocal and closed.
 pub struct Closed {
-    /// The area of each face; 0 of one without values of its own.
-    areas: Vec<f64>,
-    /// For each face its pairs with itself, with later ones, and with what
-    /// is beyond, by their columns.
-    pairs: Vec<Vec<Pair>>,
-    /// For each face its pairs with earlier ones: their row and place there.
-    before: Vec<Vec<(u32, u32)>>,
+    /// The entries of each row that are not zero; none if it has no values.
+    rows: Vec<Option<Vec<Cell>>>,
     /// By how many standard errors entries have moved: at most, and in the
     /// mean.
     pub moves: [f64; 2],
 }
 
+/// The rows as they were sampled.
+type Rows<'a> = &'a dyn Fn(usize) -> Option<Vec<Cell>>;
+
 /// What a face exchanges with another, or with what is beyond: an area times
 /// a view factor.
-#[derive(Clone, Copy)]
 struct Pair {
-    /// The column.
+    /// The face and the other, which is later, or else none: the number after
+    /// the last face.
+    faces: [u32; 2],
+    /// The column of the other.
     column: u32,
     /// The mean of what both sides have found, and its variance.
     found: f64,
@@ -54,8 +38,13 @@ struct Pair {
     value: f64,
 }
 
-/// The rows as they were sampled.
-type Rows<'a> = &'a dyn Fn(usize) -> Option<Vec<Cell>>;
+impl Pair {
+    /// The sum of a value of both faces.
+    fn sum(&self, values: &[f64]) -> f64 {
+        let [i, j] = self.faces;
+        values[i as usize] + values[j as usize]
+    }
+}
 
 impl Closed {
     /// Closes the view factors of faces of these areas, given their rows as
@@ -68,199 +57,143 @@ impl Closed {
         row: Rows,
         samples: &dyn Fn(usize) -> u64,
     ) -> Result<Self> {
-        let n = areas.len();
-        let least: Vec<f64> =
-            (0..n).map(|i| areas[i] / samples(i) as f64).collect();
-        let found = exchanges(areas, row);
-        let pairs = found.into_iter().enumerate().map(|(i, mut cells)| {
-            cells.sort_by_key(|cell| cell.0);
-            let both = cells.chunk_by(|a, b| a.0 == b.0);
-            both.map(|cells| pair(i, cells, &least)).collect()
-        });
-        let pairs: Vec<Vec<Pair>> = pairs.collect();
-        // List the pairs with earlier faces
-        let mut before = vec![vec![]; n];
-        for (i, row) in pairs.iter().enumerate() {
-            for (k, pair) in row.iter().enumerate() {
-                let j = pair.column as usize;
-                if i < j && j < n {
-                    before[j].push((i as u32, k as u32));
+        let mut pairs = pairs(areas, row, samples);
+        // No sum is closed of a face without samples, or of no face
+        let own = |(i, &area)| if samples(i) > 0 { area } else { 0. };
+        let areas = areas.iter().enumerate().map(own).chain([0.]);
+        let areas: Vec<f64> = areas.collect();
+        solve(&mut pairs, &areas)?;
+        // List the entries of each row that are not zero
+        let row_of = |area: &f64| (*area > 0.).then(Vec::new);
+        let mut rows: Vec<_> = areas.iter().map(row_of).collect();
+        for pair in pairs.iter().filter(|pair| pair.value > 0.) {
+            let [i, j] = pair.faces.map(|face| face as usize);
+            for (i, column) in [(i, pair.column), (j, i as u32)] {
+                if let Some(row) = &mut rows[i] {
+                    let error = pair.variance.sqrt() / areas[i];
+                    row.push((column, pair.value / areas[i], error));
                 }
             }
         }
-        // Solve for the nearest values
-        let own = |i: usize| if samples(i) > 0 { areas[i] } else { 0. };
-        let areas = (0..n).map(own).collect();
-        let mut closed = Self { areas, pairs, before, moves: [0.; 2] };
-        closed.solve()?;
-        closed.moves = closed.compare(row);
-        Ok(closed)
-    }
-
-    /// The other face of a pair of face `i`, if it is a later one.
-    fn later(&self, i: usize, pair: &Pair) -> Option<usize> {
-        let j = pair.column as usize;
-        (i < j && j < self.areas.len()).then_some(j)
-    }
-
-    /// Sums over each face's pairs a function of a pair and of two faces' sum
-    /// of some values; only of faces that have values of their own.
-    fn sums(&self, at: &[f64], of: impl Fn(&Pair, f64) -> f64) -> Vec<f64> {
-        let mut sums = vec![0.; at.len()];
-        for (i, row) in self.pairs.iter().enumerate() {
-            for pair in row {
-                let later = self.later(i, pair);
-                let term = of(pair, at[i] + later.map_or(0., |j| at[j]));
-                sums[i] += term;
-                if let Some(j) = later {
-                    sums[j] += term;
-                }
-            }
-        }
-        let parts = sums.iter().zip(&self.areas);
-        parts.map(|(s, &area)| if area > 0. { *s } else { 0. }).collect()
-    }
-
-    /// Finds the values by Newton's method for the multipliers of the sums.
-    fn solve(&mut self) -> Result<()> {
-        let value =
-            |p: &Pair, push: f64| (p.found + p.variance * push).max(0.);
-        let mut multipliers = vec![0.; self.areas.len()];
-        for _ in 0..NEWTON_STEPS {
-            let sums = self.sums(&multipliers, value);
-            let missing: Vec<f64> =
-                self.areas.iter().zip(&sums).map(|(a, s)| a - s).collect();
-            // Set the values of all pairs
-            for i in 0..self.pairs.len() {
-                for k in 0..self.pairs[i].len() {
-                    let later = self.later(i, &self.pairs[i][k]);
-                    let other = later.map_or(0., |j| multipliers[j]);
-                    let pair = &mut self.pairs[i][k];
-                    pair.value = value(pair, multipliers[i] + other);
-                }
-            }
-            // Return if the sums are right
-            let mut errors = missing.iter().zip(&self.areas);
-            if errors.all(|(m, area)| m.abs() <= CLOSED * area) {
-                return Ok(());
-            }
-            // Move the multipliers
-            for (m, step) in multipliers.iter_mut().zip(self.step(&missing))
-            {
-                *m += step;
-            }
-        }
-        Err("the view factors cannot be closed: those of some faces \
-             contradict each other"
-            .into())
-    }
-
-    /// The change of the multipliers that adds what is missing in the sums,
-    /// by conjugate gradients.
-    fn step(&self, missing: &[f64]) -> Vec<f64> {
-        let slope = |p: &Pair| if p.value > 0. { p.variance } else { 0. };
-        let ones = vec![1.; missing.len()];
-        let scale = self.sums(&ones, |p, _| slope(p));
-        let divided = |rest: &[f64]| -> Vec<f64> {
-            let part =
-                |(r, s): (&f64, &f64)| if *s > 0. { r / s } else { 0. };
-            rest.iter().zip(&scale).map(part).collect()
-        };
-        let mut step = vec![0.; missing.len()];
-        let mut rest = missing.to_vec();
-        let mut search = divided(&rest);
-        let mut square = dot(&rest, &search);
-        let end = 1e-30 * square;
-        for _ in 0..GRADIENT_STEPS {
-            // Move along the search direction
-            let image = self.sums(&search, |p, change| slope(p) * change);
-            let length = square / dot(&search, &image);
-            if square <= end || !length.is_finite() {
-                break;
-            }
-            add(&mut step, length, &search);
-            add(&mut rest, -length, &image);
-            let near = divided(&rest);
-            let next = dot(&rest, &near);
-            let old = search.iter().map(|s| next / square * s);
-            search = near.iter().zip(old).map(|(z, s)| z + s).collect();
-            square = next;
-        }
-        step
-    }
-
-    /// The entries of a row that are not zero; none if it has no values.
-    pub fn row(&self, i: usize) -> Option<Vec<Cell>> {
-        let area = self.areas[i];
-        let cell = |column, pair: &Pair| {
-            (column, pair.value / area, pair.variance.sqrt() / area)
-        };
-        let before = self.before[i].iter();
-        let before = before
-            .map(|&(j, k)| cell(j, &self.pairs[j as usize][k as usize]));
-        let after = self.pairs[i].iter().map(|p| cell(p.column, p));
-        let cells = before.chain(after).filter(|cell| cell.1 > 0.);
-        (area > 0.).then(|| cells.collect())
-    }
-
-    /// By how many errors the entries differ from those that were sampled: at
-    /// most, and in the mean.
-    fn compare(&self, row: Rows) -> [f64; 2] {
+        // Compare them with those that were sampled
         let (mut most, mut sum, mut count) = (0f64, 0., 0.);
-        for i in 0..self.areas.len() {
-            let closed = self.row(i).unwrap_or_default();
+        for (i, closed) in rows.iter().enumerate() {
+            let Some(closed) = closed else { continue };
             for (column, mean, error) in row(i).into_iter().flatten() {
-                let at =
-                    closed.binary_search_by_key(&column, |cell| cell.0);
+                let at = closed.binary_search_by_key(&column, |c| c.0);
                 let own = at.map_or(0., |at| closed[at].1);
                 let moved = (own - mean).abs() / error;
                 (most, sum, count) =
                     (most.max(moved), sum + moved, count + 1.);
             }
         }
-        [most, sum / f64::max(count, 1.)]
+        let moves = [most, sum / f64::max(count, 1.)];
+        Ok(Self { rows, moves })
     }
+
+    /// The entries of a row that are not zero; none if it has no values.
+    pub fn row(&self, i: usize) -> Option<Vec<Cell>> {
+        self.rows[i].clone()
+    }
+}
+
+/// The pairs of each face with itself, with later ones and with what is
+/// beyond.
+fn pairs(
+    areas: &[f64],
+    row: Rows,
+    samples: &dyn Fn(usize) -> u64,
+) -> Vec<Pair> {
+    // Collect what both sides have found, with one over its variance
+    let n = areas.len();
+    let mut found = vec![vec![]; n];
+    for (i, area) in areas.iter().enumerate() {
+        for (column, mean, error) in row(i).into_iter().flatten() {
+            let (j, weight) = (column as usize, (area * error).powi(-2));
+            found[i.min(j)].push((i.max(j), area * mean, weight));
+        }
+    }
+    // Average it
+    let least = |face: usize| match areas.get(face) {
+        Some(area) if samples(face) > 0 => area / samples(face) as f64,
+        _ => f64::INFINITY,
+    };
+    let mut pairs = vec![];
+    for (i, mut cells) in found.into_iter().enumerate() {
+        cells.sort_by_key(|cell| cell.0);
+        for both in cells.chunk_by(|a, b| a.0 == b.0) {
+            let column = both[0].0;
+            let j = if i < column && column < n { column } else { n };
+            let sum: f64 = both.iter().map(|(_, value, w)| w * value).sum();
+            let mut weight: f64 = both.iter().map(|(.., w)| w).sum();
+            if both.len() == 1 {
+                weight += least(i).max(least(j)).powi(-2);
+            }
+            let (found, variance) = (sum / weight, 1. / weight);
+            let (faces, column) = ([i as u32, j as u32], column as u32);
+            pairs.push(Pair { faces, column, found, variance, value: 0. });
+        }
+    }
+    pairs
 }
 
 /// The part of an area by which a sum may be wrong.
 const CLOSED: f64 = 1e-13;
 
-/// The most steps of both iterations.
-const NEWTON_STEPS: u32 = 100;
-const GRADIENT_STEPS: u32 = 1000;
+/// The most steps of the iteration.
+const STEPS: u32 = 10_000;
 
-/// For each face what it exchanges with itself, later ones and what is beyond:
-/// a column, a value, and a weight, one over its variance.
-fn exchanges(areas: &[f64], row: Rows) -> Vec<Vec<(u32, f64, f64)>> {
-    let mut found = vec![vec![]; areas.len()];
-    for (i, area) in areas.iter().enumerate() {
-        for (column, mean, error) in row(i).into_iter().flatten() {
-            let weight = (area * error).powi(-2);
-            let (first, other) = match column as usize {
-                j if j < i => (j, i as u32),
-                _ => (i, column),
-            };
-            found[first].push((other, area * mean, weight));
+/// Finds the values by conjugate gradients for the multipliers of the sums.
+fn solve(pairs: &mut [Pair], areas: &[f64]) -> Result<()> {
+    let mut multipliers = vec![0.; areas.len()];
+    let (mut search, mut before) = (multipliers.clone(), areas.to_vec());
+    let mut square = f64::INFINITY;
+    let scale = sums(pairs, areas, |pair| pair.variance);
+    for _ in 0..STEPS {
+        for pair in &mut *pairs {
+            let push = pair.variance * pair.sum(&multipliers);
+            pair.value = (pair.found + push).max(0.);
         }
+        let mut missing = areas.to_vec();
+        add(&mut missing, -1., &sums(pairs, areas, |pair| pair.value));
+        let mut errors = missing.iter().zip(areas);
+        if errors.all(|(m, area)| m.abs() <= CLOSED * area) {
+            return Ok(());
+        }
+        // Move along the search direction
+        let parts = missing.iter().zip(&scale);
+        let part = |(m, s): (&f64, &f64)| if *s > 0. { m / s } else { 0. };
+        let mut near: Vec<f64> = parts.map(part).collect();
+        let next = dot(&missing, &near);
+        let keep = (next - dot(&before, &near)) / square;
+        add(&mut near, keep.max(0.), &search);
+        (search, before, square) = (near, missing, next);
+        let change = |pair: &Pair| match pair.value > 0. {
+            true => pair.variance * pair.sum(&search),
+            false => 0.,
+        };
+        let curvature = dot(&search, &sums(pairs, areas, change));
+        let length = dot(&before, &search) / curvature;
+        add(&mut multipliers, length, &search);
     }
-    found
+    Err("the view factors cannot be closed: those of some faces contradict \
+         each other"
+        .into())
 }
 
-/// The pair of a face with the column that one side has found, or both. A
-/// side that has found nothing counts as 0 with the error of one sample.
-fn pair(i: usize, cells: &[(u32, f64, f64)], least: &[f64]) -> Pair {
-    let column = cells[0].0;
-    let sum: f64 = cells.iter().map(|(_, value, w)| w * value).sum();
-    let mut weight: f64 = cells.iter().map(|(.., w)| w).sum();
-    let other = least.get(column as usize).filter(|x| x.is_finite());
-    if let Some(other) = other.filter(|_| column as usize != i)
-        && cells.len() == 1
-        && least[i].is_finite()
-    {
-        weight += least[i].max(*other).powi(-2);
+/// The sums over the pairs of each face that has an area.
+fn sums(
+    pairs: &[Pair],
+    areas: &[f64],
+    of: impl Fn(&Pair) -> f64,
+) -> Vec<f64> {
+    let mut sums = vec![0.; areas.len()];
+    for pair in pairs {
+        let term = of(pair);
+        pair.faces.iter().for_each(|&i| sums[i as usize] += term);
     }
-    let (found, variance) = (sum / weight, 1. / weight);
-    Pair { column, found, variance, value: found }
+    let has_area = sums.into_iter().zip(areas);
+    has_area.map(|(s, &area)| if area > 0. { s } else { 0. }).collect()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
+use std::num::NonZero;
 use std::str;
 
 use rand::RngExt;
@@ -14,6 +15,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::sampler::generator;
+use crate::tally::REPLICATES;
 
 /// The radiances of a sky, as gendaymtx writes them.
 pub struct SkyMatrix {
@@ -33,7 +35,7 @@ const EFFICACY: f64 = 179.;
 const LUMINOUS: [f64; 3] = [0.265, 0.670, 0.065];
 
 impl SkyMatrix {
-    /// Reads a matrix of Radiance, of text or of binary numbers.
+    /// Reads a matrix of Radiance, of text or of little-endian numbers.
     ///
     /// # Errors
     /// It is none, it holds solar radiances (`-O1`), or it ends too soon.
@@ -42,13 +44,13 @@ impl SkyMatrix {
         let end =
             end.ok_or("no matrix of Radiance: its header has no end")?;
         let header = String::from_utf8_lossy(&bytes[..end]);
+        let body = &bytes[end + 2..];
         // Reject solar radiances
-        let is_solar = header.lines().any(|line| {
+        let is_solar = |line: &str| {
             let mut words = line.split_whitespace();
-            words.next().is_some_and(|word| word.ends_with("gendaymtx"))
-                && words.any(|word| word == "-O1")
-        });
-        if is_solar {
+            line.contains("gendaymtx") && words.any(|word| word == "-O1")
+        };
+        if header.lines().any(is_solar) {
             return Err("its radiances are solar, of gendaymtx -O1; \
                         illuminance needs those of -O0"
                 .into());
@@ -58,35 +60,24 @@ impl SkyMatrix {
             header.lines().filter_map(|line| line.split_once('='));
         let entries: BTreeMap<_, _> =
             entries.map(|(name, value)| (name, value.trim())).collect();
-        let size = |name: &str| -> Result<usize> {
-            let text = entries.get(name).copied().unwrap_or("none");
+        let entry = |name| entries.get(name).copied().unwrap_or("none");
+        let size = |name| -> Result<usize> {
+            let size = entry(name).parse().map(NonZero::get);
             let fault =
-                || format!("no matrix of Radiance: {name} is {text}");
-            text.parse().map_err(|_| fault().into())
+                format!("no matrix of Radiance: {name} is {}", entry(name));
+            size.map_err(|_| fault.into())
         };
         let (patches, steps) = (size("NROWS")?, size("NCOLS")?);
-        if entries.get("NCOMP").is_some_and(|n| *n != "3") {
-            return Err("its NCOMP is not 3".into());
+        for (name, usual) in [("NCOMP", "3"), ("BigEndian", "0")] {
+            if ![usual, "none"].contains(&entry(name)) {
+                return Err(format!("its {name} is not {usual}").into());
+            }
         }
-        // Check the size and read the numbers
-        let count =
-            patches.checked_mul(steps).and_then(|n| n.checked_mul(3));
-        let count = count.filter(|n| n / 8 <= bytes.len());
-        let count = count.ok_or("it is shorter than NROWS times NCOLS")?;
-        let is_big =
-            entries.get("BigEndian").is_some_and(|big| *big == "1");
-        let body = &bytes[end + 2..];
-        let format = entries.get("FORMAT").copied().unwrap_or_default();
-        let numbers = match format {
+        // Read the numbers
+        let numbers = match entry("FORMAT") {
             "ascii" => text(body)?,
-            "float" => binary(body, |four| match is_big {
-                true => f32::from_be_bytes(four).into(),
-                false => f32::from_le_bytes(four).into(),
-            }),
-            "double" => binary(body, |eight| match is_big {
-                true => f64::from_be_bytes(eight),
-                false => f64::from_le_bytes(eight),
-            }),
+            "float" => binary(body, f32::from_le_bytes),
+            "double" => binary(body, f64::from_le_bytes),
             other => {
                 let fault = format!(
                     "its FORMAT is {other}, not ascii, float or double"
@@ -94,6 +85,7 @@ impl SkyMatrix {
                 return Err(fault.into());
             }
         };
+        let count = patches.saturating_mul(steps).saturating_mul(3);
         if numbers.len() != count {
             let fault = format!(
                 "it has {} numbers, not {patches} x {steps} x 3",
@@ -102,11 +94,11 @@ impl SkyMatrix {
             return Err(fault.into());
         }
         // Keep the luminous part of each radiance
-        let luminous = |rgb: &[f64]| {
+        let luminous = |rgb: &[f64; 3]| {
             let parts = rgb.iter().zip(LUMINOUS).map(|(a, b)| a * b);
             parts.sum::<f64>() as f32
         };
-        let values = numbers.chunks(3).map(luminous).collect();
+        let values = numbers.as_chunks().0.iter().map(luminous).collect();
         Ok(Self { patches, steps, values })
     }
 }
@@ -115,18 +107,19 @@ impl SkyMatrix {
 fn text(body: &[u8]) -> Result<Vec<f64>> {
     let text = str::from_utf8(body).map_err(|_| "it is no text")?;
     let number = |word: &str| {
-        word.parse()
-            .map_err(|_| Error::from(format!("'{word}' is no number")))
+        let fault = || Error::from(format!("'{word}' is no number"));
+        word.parse().map_err(|_| fault())
     };
     text.split_ascii_whitespace().map(number).collect()
 }
 
 /// Numbers of N bytes each.
-fn binary<const N: usize>(
+fn binary<const N: usize, T: Into<f64>>(
     body: &[u8],
-    number: impl Fn([u8; N]) -> f64,
+    number: fn([u8; N]) -> T,
 ) -> Vec<f64> {
-    body.as_chunks().0.iter().map(|bytes| number(*bytes)).collect()
+    let numbers = body.as_chunks().0.iter();
+    numbers.map(|bytes| number(*bytes).into()).collect()
 }
 
 /// The daylight coefficients of sensors, with their replicates.
@@ -135,8 +128,8 @@ pub struct Daylight<'a> {
     pub film: &'a Film,
     /// The row of each sensor on the film, if it has one.
     pub rows: &'a [Option<u32>],
-    /// The number of columns, and of replicates.
-    pub columns: (u32, u64),
+    /// The number of columns.
+    pub columns: u32,
 }
 
 /// A replicate of the coefficients of a sensor: its part of all samples, and
@@ -146,28 +139,53 @@ type Replicate = (f64, Vec<f64>);
 impl Daylight<'_> {
     /// The replicates of a sensor, in order; none if it has no value.
     pub fn replicates(&self, sensor: usize) -> Option<Vec<Replicate>> {
-        let (film, (columns, parts)) = (self.film, self.columns);
+        let &Self { film, columns, .. } = self;
         let at = film.at(0, self.rows[sensor]?);
         let (size, n) = (film.net_size, film.pixels[at].count());
-        if n == 0 {
-            return None;
-        }
         let first = film.sample_offset / size;
-        let mut replicates: Vec<Replicate> = (0..parts)
-            .map(|k| {
-                let count = (first..first + n).filter(|i| i % parts == k);
-                let part = count.count() as f64 / n as f64;
-                (part, vec![0.; columns as usize])
-            })
-            .collect();
+        let part = |k| {
+            let samples =
+                (first..first + n).filter(|i| i % REPLICATES == k);
+            samples.count() as f64 / n as f64
+        };
+        let replicate = |k| (part(k), vec![0.; columns as usize]);
+        let mut replicates: Vec<_> =
+            (0..REPLICATES).map(replicate).collect();
         for entry in &film.rows[at] {
-            let (k, column) =
-                (entry.column / columns, entry.column % columns);
+            let (k, p) = (entry.column / columns, entry.column % columns);
             let (part, values) = &mut replicates[k as usize];
-            values[column as usize] = PI * entry.mean(n * size) / *part;
+            values[p as usize] = PI * entry.mean(n * size) / *part;
         }
         replicates.retain(|(part, _)| *part > 0.);
-        Some(replicates)
+        (n > 0).then_some(replicates)
+    }
+
+    /// The illuminance of a sensor under a sky, at these steps; none if it has
+    /// no value.
+    pub fn illuminance(
+        &self,
+        sensor: usize,
+        sky: &SkyMatrix,
+        steps: &[usize],
+    ) -> Option<Illuminance> {
+        let lux = |coefficients: Vec<f64>| {
+            let mut sums = vec![0.; steps.len()];
+            let rows = sky.values.chunks(sky.steps);
+            for (coefficient, row) in coefficients.into_iter().zip(rows) {
+                if coefficient > 0. {
+                    for (sum, &step) in sums.iter_mut().zip(steps) {
+                        *sum +=
+                            EFFICACY * coefficient * f64::from(row[step]);
+                    }
+                }
+            }
+            sums
+        };
+        let replicates = self.replicates(sensor)?.into_iter();
+        let replicates = replicates.map(|(part, row)| (part, lux(row)));
+        let replicates: Vec<_> = replicates.collect();
+        let lux = mean(&replicates, &vec![1; replicates.len()]);
+        Some(Illuminance { replicates, lux })
     }
 }
 
@@ -181,33 +199,6 @@ pub struct Illuminance {
 }
 
 impl Illuminance {
-    /// The illuminance under a sky, at these steps.
-    pub fn new(
-        replicates: &[Replicate],
-        sky: &SkyMatrix,
-        steps: &[usize],
-    ) -> Self {
-        let lux = |coefficients: &Vec<f64>| {
-            let mut sums = vec![0.; steps.len()];
-            for (coefficient, row) in
-                coefficients.iter().zip(sky.values.chunks(sky.steps))
-            {
-                if *coefficient > 0. {
-                    for (sum, &step) in sums.iter_mut().zip(steps) {
-                        *sum +=
-                            EFFICACY * coefficient * f64::from(row[step]);
-                    }
-                }
-            }
-            sums
-        };
-        let of =
-            |(part, coefficients): &Replicate| (*part, lux(coefficients));
-        let replicates: Vec<_> = replicates.iter().map(of).collect();
-        let lux = mean(&replicates, &vec![1; replicates.len()]);
-        Self { replicates, lux }
-    }
-
     /// The standard error at each step, from the spread of the replicates.
     pub fn standard_errors(&self) -> Vec<f64> {
         let count = self.replicates.len() as f64;
@@ -297,30 +288,27 @@ impl Year {
         demand: Demand,
     ) -> Result<Self> {
         // Compare the subdivisions
-        let patches = daylight.columns.0 as usize;
-        if sky.patches != patches {
-            let fault = format!(
-                "the sky has {} patches, and the coefficients have {patches}",
-                sky.patches
-            );
-            return Err(fault.into());
+        let (patches, columns) = (sky.patches, daylight.columns);
+        if patches != columns as usize {
+            return Err(Error::from(format!(
+                "the sky has {patches} patches, and the coefficients have \
+                 {columns}"
+            )));
         }
-        // Resample the year of each sensor
         let at = (0..daylight.rows.len()).into_par_iter();
         let found = at.map(|sensor| {
-            let Some(replicates) = daylight.replicates(sensor) else {
+            let Some(light) = daylight.illuminance(sensor, sky, steps)
+            else {
                 return Ok(None);
             };
-            if replicates.len() < 16 {
-                let fault = format!(
-                    "{} replicates of the coefficients are too few for an \
-                     interval: 16 are needed (more samples)",
-                    replicates.len()
-                );
-                return Err(Error::from(fault));
+            let count = light.replicates.len();
+            if count < 16 {
+                return Err(Error::from(format!(
+                    "{count} replicates of the coefficients are too few for \
+                     an interval: 16 are needed (more samples)"
+                )));
             }
-            let lux = Illuminance::new(&replicates, sky, steps);
-            Ok(Some(resample(&lux, demand)))
+            Ok(Some(resample(&light, demand)))
         });
         let found: Vec<_> = found.collect::<Result<_>>()?;
         // Find the intervals

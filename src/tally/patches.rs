@@ -76,19 +76,4 @@ impl Patches {
         let place = (f64::from(count) * turn + 0.5).floor() as i64;
         first + place.rem_euclid(count.into()) as u32
     }
-
-    /// The solid angle of a patch, and the part of it that a horizontal
-    /// surface counts: its integral of the cosine.
-    pub fn measures(&self, number: u32) -> [f64; 2] {
-        let rows = self.rows.len();
-        let row = self.rows.partition_point(|&(first, _)| first <= number);
-        let Some(row) = row.checked_sub(1) else { return [2. * PI, 0.] };
-        let sine = |row: usize| match row {
-            top if top == rows => 1.,
-            row => libm::sin(PI / 2. * row as f64 / (rows as f64 - 0.5)),
-        };
-        let [low, high] = [sine(row), sine(row + 1)];
-        let each = 2. * PI / f64::from(self.rows[row].1);
-        [each * (high - low), each * (high * high - low * low) / 2.]
-    }
 }
