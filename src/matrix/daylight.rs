@@ -70,7 +70,9 @@ impl SkyMatrix {
         let (patches, steps) = (size("NROWS")?, size("NCOLS")?);
         for (name, usual) in [("NCOMP", "3"), ("BigEndian", "0")] {
             if ![usual, "none"].contains(&entry(name)) {
-                return Err(format!("its {name} is not {usual}").into());
+                let fault =
+                    format!("its {name} is {}, not {usual}", entry(name));
+                return Err(fault.into());
             }
         }
         // Read the numbers
