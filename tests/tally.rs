@@ -90,7 +90,7 @@ fn view_factors_are_those_of_closed_forms() {
         (street, wall_share),
         (obstructed, 0.099_506_295),
     ] {
-        let plan = plan(FACES, Tally::ViewFactors(Surface::Faces), 1 << 22);
+        let plan = plan(FACES, Tally::ViewFactors(Surface::Faces), 1 << 20);
         let world = world(&text, &plan, z);
         let film = film(&world, &plan);
         let rows = rows(&world.matrix(&film).unwrap());
@@ -99,8 +99,8 @@ fn view_factors_are_those_of_closed_forms() {
             assert!((sum - 1.).abs() <= 1e-12, "{sum}");
         }
         let (_, value, error) = rows[0].iter().find(|c| c.0 == 1).unwrap();
-        assert!(*error <= 1e-4, "{error}");
-        chance.judge([*value, *error], exact, 256.);
+        assert!(*error <= 3e-4, "{error}");
+        chance.judge([*value, *error], exact, 64.);
     }
 }
 

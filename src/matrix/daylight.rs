@@ -232,7 +232,7 @@ fn mean(replicates: &[(f64, Vec<f64>)], times: &[u32]) -> Vec<f64> {
     sums
 }
 
-/// A number, and an interval that covers the truth in 95 of 100 runs.
+/// A number, and an interval that covers the truth at least in 95 of 100 runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// The number.
@@ -298,8 +298,8 @@ impl Year {
             )));
         }
         let at = (0..daylight.rows.len()).into_par_iter();
-        let found = at.map(|sensor| {
-            let Some(light) = daylight.illuminance(sensor, sky, steps)
+        let sensors = at.map(|sensor| {
+                let Some(light) = daylight.illuminance(sensor, sky, steps)
             else {
                 return Ok(None);
             };
@@ -312,28 +312,26 @@ impl Year {
             }
             Ok(Some(resample(&light, demand)))
         });
-        let found: Vec<_> = found.collect::<Result<_>>()?;
+        let sensors: Vec<_> = sensors.collect::<Result<_>>()?;
         // Find the intervals
-        let passes = |part: f64| f64::from(part >= demand.hours);
-        let count = found.iter().flatten().count() as f64;
-        let spatial = |k: usize| {
-            let those =
-                found.iter().flatten().map(|parts| passes(parts[0][k]));
-            those.sum::<f64>() / count
+        let some = sensors.iter().flatten().map(|[enough, _]| enough);
+        let some: Vec<_> = some.collect();
+        let share = |end: fn(&Interval) -> f64| {
+            let passes = |of: &&&Interval| end(of) > demand.hours - 1e-9;
+            let those = some.iter().filter(passes).count();
+            those as f64 / some.len() as f64
         };
-        let runs: Vec<_> = (1..=RUNS as usize).map(spatial).collect();
-        let spatial = Interval::new(spatial(0), &runs);
-        let interval =
-            |parts: Vec<f64>| Interval::new(parts[0], &parts[1..]);
-        let both = |parts: [Vec<f64>; 2]| parts.map(interval);
-        let sensors = found.into_iter().map(|one| one.map(both)).collect();
+        let (low, high) = (share(|of| of.ends[0]), share(|of| of.ends[1]));
+        let step = f64::from(low < high) / some.len() as f64;
+        let ends = [(low - step).max(0.), (high + step).min(1.)];
+        let spatial = Interval { value: share(|of| of.value), ends };
         Ok(Self { sensors, spatial })
     }
 }
 
-/// The parts of the steps with enough and with useful light: first as found,
-/// then in resampled runs.
-fn resample(light: &Illuminance, demand: Demand) -> [Vec<f64>; 2] {
+/// The parts of the steps with enough and with useful light, with intervals
+/// from resampled runs.
+fn resample(light: &Illuminance, demand: Demand) -> [Interval; 2] {
     let count = light.replicates.len();
     let part = |lux: &[f64], is_meant: &dyn Fn(f64) -> bool| {
         let those = lux.iter().filter(|lux| is_meant(**lux)).count();
@@ -359,5 +357,5 @@ fn resample(light: &Illuminance, demand: Demand) -> [Vec<f64>; 2] {
         parts[0].push(part(&lux, &enough));
         parts[1].push(part(&lux, &useful));
     }
-    parts
+    parts.map(|parts| Interval::new(parts[0], &parts[1..]))
 }

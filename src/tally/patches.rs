@@ -20,6 +20,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use crate::sky::compass;
+
 /// The patches of a row of Tregenza's, from the horizon to the zenith.
 const AROUND: [u32; 7] = [30, 30, 24, 24, 18, 12, 6];
 
@@ -38,11 +40,8 @@ impl Patches {
     /// zenith. North is the horizontal direction nearest to +y; if the zenith
     /// is +y or -y, it is -z or +z.
     pub fn new(factor: u32, zenith: DVec3) -> Self {
-        let across = DVec3::Y.reject_from_normalized(zenith);
-        let is_vertical = across.length_squared() < 1e-12;
-        let other = DVec3::NEG_Z * zenith.y.signum();
-        let north = if is_vertical { other } else { across.normalize() };
-        let axes = [north.cross(zenith), north, zenith];
+        let [east, north] = compass(zenith);
+        let axes = [east, north, zenith];
         let mut rows = vec![];
         let mut first = 1;
         for count in AROUND.map(|count| factor * count) {
