@@ -197,7 +197,8 @@ impl<'a> PathTracer<'a> {
         let Self { surfaces, sky, .. } = self;
         let albedo = surfaces.albedo(hit.primitive);
         albedo
-            * (sky.irradiance_ratio(hit.normal) - sky.radiance(direction))
+            * (sky.irradiance_ratio(hit.normal)
+                - sky.even_radiance(direction))
     }
 }
 

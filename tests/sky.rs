@@ -171,6 +171,40 @@ fn skies_give_one_to_a_horizontal_surface() {
     }
 }
 
+// What a run finds for places in the open is what the sky gives them, by each
+// method and with a control variate.
+#[test]
+fn each_method_finds_the_light_of_a_sky() {
+    let chance = &mut Chance::default();
+    let speck = "v 0 0 0\nv 1e-3 0 0\nv 0 1e-3 0\nf 1 2 3\n";
+    let (at, up) = (DVec3::new(2., 3., 5.), DVec3::Z);
+    let normals = [up, DVec3::X, DVec3::NEG_Y, DVec3::new(0., 0.6, -0.8)];
+    for cover in [Cover::Cie(3), Cover::Cie(12), Cover::Perez(6., 0.1)] {
+        for method in Method::ALL {
+            let mut plan = Plan {
+                sensor: SensorPlan::Points("points".into()),
+                budget: Budget::samples(1 << 14),
+                method: Some(method),
+                ..Plan::default()
+            };
+            plan.sky.cover = cover;
+            plan.sky.sun = Some(Sun::At(180., 30.));
+            plan.sky.ground_glow = Some(0.2);
+            let mesh = read_obj(speck.as_bytes()).unwrap();
+            let inputs =
+                Inputs::from(mesh).with_points(normals.map(|n| (at, n)));
+            let world = World::new(&plan, inputs, Host::default()).unwrap();
+            let sky = world.subject.sky;
+            for (value, normal) in
+                values_of(&world, &plan).into_iter().zip(normals)
+            {
+                let exact = irradiance(|w| sky.radiance(w), normal);
+                chance.judge(value, exact, 16.);
+            }
+        }
+    }
+}
+
 #[test]
 fn the_sun_stands_where_its_angles_say() {
     for (sun, direction) in [
