@@ -318,7 +318,7 @@ def main():
             ('--folder', '.', 'where files are written'),
             ('--ground', '', 'its albedo; then column 0 is empty'),
             ('-n', '1024', 'paths of pt for a sensor'),
-            ('--seeds', '16', 'runs of pt, and of rfluxmtx'),
+            ('--seeds', '64', 'runs of pt, and of rfluxmtx'),
             ('--runs', '64', 'runs of rtrace, each of 4096 rays a sensor'),
             ('--jobs', '2', 'cores for Radiance')):
         parser.add_argument(name, default=default,
