@@ -418,6 +418,6 @@ impl Sky {
             let bright = sine + (PI - angle) * cosine;
             ratio += rise * 2. / (3. * PI) * bright;
         }
-        ratio.max(0.)
+        ratio
     }
 }

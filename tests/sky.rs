@@ -149,18 +149,22 @@ fn irradiance(radiance: impl Fn(DVec3) -> f64, normal: DVec3) -> f64 {
 #[test]
 fn skies_give_one_to_a_horizontal_surface() {
     let up = DVec3::new(0.6, 0., 0.8);
-    for cover in [
-        Cover::Cie(1),
-        Cover::Cie(12),
-        Cover::Cie(15),
-        Cover::Perez(6., 0.1),
+    // An overhang of whose nearest sky the ratio is negative
+    let turn = 152.5f64.to_radians();
+    let overhang = turn.cos() * up + turn.sin() * DVec3::Y;
+    for (cover, altitude, below) in [
+        (Cover::Cie(1), 40., 0.25),
+        (Cover::Cie(12), 40., 0.),
+        (Cover::Cie(15), 40., 0.25),
+        (Cover::Cie(8), 90., 0.),
+        (Cover::Perez(6., 0.1), 40., 0.25),
     ] {
-        let sun = Sun::At(250., 40.).direction(up);
+        let sun = Sun::At(250., altitude).direction(up);
         let mut sky = Sky::with(up, cover).toward(sun);
         let found = irradiance(|w| sky.radiance(w), up);
         assert!((found - 1.).abs() < 2e-5, "{cover}: {found}");
-        sky.below = 0.25;
-        for normal in [up, -up, DVec3::X, DVec3::new(0., 0.6, -0.8)] {
+        sky.below = below;
+        for normal in [up, -up, DVec3::X, overhang] {
             let exact = irradiance(|w| sky.even_radiance(w), normal);
             let found = sky.irradiance_ratio(normal);
             assert!(

@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The nearest view factors that are reciprocal and closed.
 //!
-//! Least squares under linear constraints, each entry weighted by one over
+//! Least squares under linear constraints, each exchange weighted by one over
 //! its variance (after Daun, Morton and Howell 2005).
 
 use crate::error::Result;
@@ -70,8 +70,10 @@ impl Closed {
             let [i, j] = pair.faces.map(|face| face as usize);
             for (i, column) in [(i, pair.column), (j, i as u32)] {
                 if let Some(row) = &mut rows[i] {
-                    let error = pair.variance.sqrt() / areas[i];
-                    row.push((column, pair.value / areas[i], error));
+                    let factor = pair.value / areas[i];
+                    let rest = (1. - factor).max(0.);
+                    let error = (pair.variance * rest).sqrt() / areas[i];
+                    row.push((column, factor, error));
                 }
             }
         }
@@ -104,32 +106,33 @@ fn pairs(
     row: Rows,
     samples: &dyn Fn(usize) -> u64,
 ) -> Vec<Pair> {
-    // Collect what both sides have found, with one over its variance
+    // Collect what both sides have found, and the variances of all
     let n = areas.len();
-    let mut found = vec![vec![]; n];
+    let weight = |face: usize| match areas.get(face) {
+        Some(area) if *area > 0. => samples(face) as f64 / area,
+        _ => 0.,
+    };
+    let (mut found, mut squares, mut usual) = (vec![vec![]; n], 0., 0.);
     for (i, area) in areas.iter().enumerate() {
         for (column, mean, error) in row(i).into_iter().flatten() {
-            let (j, weight) = (column as usize, (area * error).powi(-2));
-            found[i.min(j)].push((i.max(j), area * mean, weight));
+            let (j, exchange) = (column as usize, area * mean);
+            found[i.min(j)].push((i.max(j), weight(i) * exchange));
+            squares += (area * error).powi(2);
+            usual += exchange * (1. - mean) / weight(i);
         }
     }
     // Average it
-    let least = |face: usize| match areas.get(face) {
-        Some(area) if samples(face) > 0 => area / samples(face) as f64,
-        _ => f64::INFINITY,
-    };
+    let gain = Some(squares / usual).filter(|gain| gain.is_normal());
     let mut pairs = vec![];
     for (i, mut cells) in found.into_iter().enumerate() {
         cells.sort_by_key(|cell| cell.0);
         for both in cells.chunk_by(|a, b| a.0 == b.0) {
             let column = both[0].0;
             let j = if i < column && column < n { column } else { n };
-            let sum: f64 = both.iter().map(|(_, value, w)| w * value).sum();
-            let mut weight: f64 = both.iter().map(|(.., w)| w).sum();
-            if both.len() == 1 {
-                weight += least(i).max(least(j)).powi(-2);
-            }
-            let (found, variance) = (sum / weight, 1. / weight);
+            let sum: f64 = both.iter().map(|(_, value)| value).sum();
+            let weight = weight(i) + weight(j);
+            let found = sum / weight;
+            let variance = gain.unwrap_or(1.) * found / weight;
             let (faces, column) = ([i as u32, j as u32], column as u32);
             pairs.push(Pair { faces, column, found, variance, value: 0. });
         }
