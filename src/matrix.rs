@@ -183,9 +183,11 @@ impl<'a> Matrix<'a> {
         (0..self.height()).map(first).collect()
     }
 
-    /// All entries of a row; not numbers if the receiver has no value.
+    /// All entries of a row. Of a sensor without a value they are not numbers; a
+    /// face without area sees nothing.
     pub fn dense(&self, row: usize) -> Vec<f64> {
-        let none = if self.rows[row].is_some() { 0. } else { f64::NAN };
+        let has_value = self.rows[row].is_some() || self.unit() == 1.;
+        let none = if has_value { 0. } else { f64::NAN };
         let mut values = vec![none; self.columns.count as usize];
         for (column, mean, _) in self.row(row).into_iter().flatten() {
             values[column as usize] = mean;

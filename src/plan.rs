@@ -488,7 +488,7 @@ impl Plan {
                 "sorts what arrives, and not the radiosity"
             }
             _ if has_patches && !is_uniform => {
-                "needs the uniform sky, whose light does not matter"
+                "needs the uniform sky without a glow, whose light does not matter"
             }
             _ if !is_nets => "is sampled by the method sobol alone",
             _ if tally.is_of_surfaces() && is_relative => {
@@ -575,6 +575,11 @@ impl SkyPlan {
         let named: Result<Cover, String> = self.cover.to_string().parse();
         let fault = named.err().unwrap_or_default();
         require(fault.is_empty(), "sky", self.cover, &fault)?;
+        let is_whole = self.cover == Cover::Sphere;
+        let glow = self.ground_glow.filter(|_| is_whole);
+        let wanted = "the sphere has its own light below the horizon";
+        let named = glow.unwrap_or_default();
+        require(glow.is_none(), "ground-glow", named, wanted)?;
         let is_lit = self.sun.is_some() || !self.cover.needs_sun();
         let wanted = "needs the direction to the sun, --sun";
         require(is_lit, "sky", self.cover, wanted)

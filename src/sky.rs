@@ -284,16 +284,19 @@ impl Gradation {
         };
         let (unit, even) = (1., [0.; 2]);
         let new = Self { sun, parameters, constant, unit, even };
-        let [first, second] = new.moments(zenith);
+        let [first, second, negative] = new.moments(zenith);
+        let is_lit = first > 0. && negative < 0.01 * first;
+        let unit = if is_lit { 1. / first } else { f64::NAN };
         let rise = 18. * (second / first - 2. / 3.);
         let even = [1. - 2. / 3. * rise, rise];
-        Some(Self { unit: 1. / first, even, ..new })
+        Some(Self { unit, even, ..new })
     }
     /// The integrals of the radiance over the sky, weighted by the height above
-    /// the horizon and by its square, over pi.
-    fn moments(&self, zenith: DVec3) -> [f64; 2] {
+    /// the horizon and by its square, over pi; and how much of the first is cut off
+    /// where the formula is negative.
+    fn moments(&self, zenith: DVec3) -> [f64; 3] {
         let [east, north] = compass(zenith);
-        let (mut first, mut second) = (0., 0.);
+        let [mut first, mut second, mut negative] = [0.; 3];
         let midpoints = |n: u32| {
             (0..n).map(move |i| (f64::from(i) + 0.5) / f64::from(n))
         };
@@ -308,27 +311,33 @@ impl Gradation {
                 let across =
                     libm::sin(turn) * east + libm::cos(turn) * north;
                 let direction = height * zenith + level * across;
-                let part = weight * self.radiance(height, direction);
-                first += part;
-                second += part * height;
+                let part = weight * self.formula(height, direction);
+                first += part.max(0.);
+                second += part.max(0.) * height;
+                negative -= part.min(0.);
             }
         }
-        [first, second]
+        [first, second, negative]
     }
-    /// Whether it is finite at the horizon.
-    pub fn is_bounded(self) -> bool {
-        self.parameters[1] <= 0.
+    /// Whether it is finite at the horizon, and hardly anywhere negative.
+    pub fn is_sound(self) -> bool {
+        self.parameters[1] <= 0. && self.unit.is_finite()
     }
 
     /// The radiance of a direction of this height above the horizon.
     fn radiance(&self, height: f64, direction: DVec3) -> f64 {
+        self.unit * self.formula(height, direction).max(0.)
+    }
+
+    /// The value of the formula there.
+    fn formula(&self, height: f64, direction: DVec3) -> f64 {
         let [a, b, c, d, e] = self.parameters;
         let cosine = self.sun.dot(direction).clamp(-1., 1.);
         let angle = libm::acos(cosine);
         let gradation = 1. + a * libm::exp(b / height);
         let indicatrix =
             self.constant + c * libm::exp(d * angle) + e * cosine * cosine;
-        self.unit * (gradation * indicatrix).max(0.)
+        gradation * indicatrix
     }
 }
 

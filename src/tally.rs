@@ -224,10 +224,12 @@ fn slopes(
 ) -> Result<Vec<f64>> {
     let named_albedos = vec![(name.to_owned(), 1.)];
     let named = Named { named_albedos, ..Named::default() };
-    let meant = FaceAlbedos::new(marks, &named, 0.).map_err(|_| {
-        let option = format!("--derivative {}", quoted(name));
-        unknown_name(marks, name, &option)
-    })?;
+    let meant = FaceAlbedos::new(marks, &named, 0.);
+    let meant =
+        meant.ok().filter(|_| !name.is_empty()).ok_or_else(|| {
+            let option = format!("--derivative {}", quoted(name));
+            unknown_name(marks, name, &option)
+        })?;
     let slope = |face| match meant.of(face) {
         0. => 0.,
         _ => 1. / albedos.of(face),

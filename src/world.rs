@@ -414,9 +414,10 @@ fn sky(plan: &SkyPlan, zenith: DVec3) -> Result<Sky> {
         require(is_up, "sun", typed(toward), wanted)?;
         sky = sky.toward(toward);
     }
-    let is_bounded = sky.gradation.is_none_or(Gradation::is_bounded);
-    let wanted = "its formula grows without bound at the horizon";
-    require(is_bounded, "sky", plan.cover, wanted)?;
+    let is_sound = sky.gradation.is_none_or(Gradation::is_sound);
+    let wanted = "its formula grows without bound at the horizon, or is \
+                  negative in a part of the sky";
+    require(is_sound, "sky", plan.cover, wanted)?;
     sky.below = plan.ground_glow.unwrap_or(0.);
     Ok(sky)
 }

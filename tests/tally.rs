@@ -587,11 +587,53 @@ fn a_sky_that_is_none_is_refused() {
         (text.replace("NCOLS=2", "NCOLS=0"), "NCOLS is 0"),
         (text.replace("NCOMP=3", "BigEndian=1"), "BigEndian"),
         (text.replace("1 1 1", "1 x 1"), "no number"),
-        ("#?RADIANCE".to_owned(), "header"),
+        ("#?RADIANCE".to_owned(), "NROWS is none"),
+        (text.replacen("1 1 1", "1 nan 1", 1), "patch 0 in step 0 is NaN"),
+        (text.replacen("1 1 1", "1 -1 1", 1), "patch 0 in step 0 is -1"),
+        (text.replacen("1 1 1", "1 1 inf", 1), "patch 0 in step 0 is inf"),
     ] {
         let error = SkyMatrix::read(bad.as_bytes()).err().unwrap();
         assert!(error.to_string().contains(why), "{error}");
     }
+    let windows = text.replace('\n', "\r\n");
+    assert!(SkyMatrix::read(windows.as_bytes()).is_ok());
+}
+
+// A part has a share of the sensors; hours and skies that are none are told.
+#[test]
+fn a_year_of_a_part_is_that_of_its_sensors() {
+    let place = Scratch::new();
+    place.put("cube.obj", CUBE);
+    let point = |k: i32| format!("0.5 0.5 0.{k} 0 0 1\n");
+    place.put("points.txt", (1..6).map(point).collect::<String>());
+    place.put("sky.smx", sky(24, "ascii", |_, _| 1.));
+    let line = "cube.obj --points=points.txt --sky-patches=1 -n512";
+    place.free(&format!("{line} --tiles=2/2 -qo part.litpt")).succeeded();
+    let year = |words: &str| {
+        place.ptimg(&format!("daylight part.litpt sky.smx {words}"))
+    };
+    let said = year("").succeeded().text();
+    let rows = said.lines().skip(1).map(|line| line.split(',').next());
+    let rows: Vec<_> = rows.flatten().collect();
+    assert!(!rows.is_empty() && rows.len() < 5, "{rows:?}");
+    year("--hours 22..6").failed(1, &["--hours 22..6: neither hours"]);
+    place.put("sky.smx", sky(8808, "ascii", |_, _| 1.));
+    year("").failed(1, &["not the hours of whole days"]);
+}
+
+// A wall that sees the back of an awning, which does not see the wall.
+#[test]
+fn closing_warns_of_faces_that_contradict_each_other() {
+    let place = Scratch::new();
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let text = rectangle(DVec3::ZERO, x, y) + &rectangle(z, x, y);
+    place.put("awning.obj", text);
+    let line = "awning.obj --faces --view-factors=faces --closed -n4096";
+    let said = place.free(&format!("{line} -o a.csv"));
+    said.told(&["does one see the back of another (--faces=both)?"]);
+    let both = line.replace("--faces ", "--faces=both ");
+    let said = place.free(&format!("{both} -o b.csv"));
+    assert!(!said.stderr.contains("back of another"), "{}", said.stderr);
 }
 
 #[test]

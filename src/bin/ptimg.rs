@@ -183,7 +183,8 @@ struct Daylight {
     #[arg(long, value_name = "FILE")]
     illuminance: Option<PathBuf>,
 
-    /// Hours of each day that count, the first and the one after the last; or
+    /// Hours of each day that count, the first and the one after the last, if
+    /// the steps of SKY are hours; or
     /// a file with 0 or 1 for each time step
     #[arg(long, value_name = "A..B|FILE", default_value = "8..18")]
     hours: String,
@@ -505,7 +506,7 @@ fn daylight(asked: &Daylight) -> Result<()> {
     let &Daylight { enough, part, useful, .. } = asked;
     let demand = Demand { enough, useful: useful.into(), hours: part };
     let found = Year::new(&coefficients, &year, &steps, demand)
-        .map_err(|error| error.of_file(sky))?;
+        .map_err(|error| error.of_file(state))?;
     // Write the tables
     table.write(&mut |out| {
         writeln!(out, "row,da,da_low,da_high,udi,udi_low,udi_high")?;
@@ -549,10 +550,10 @@ fn steps(hours: &str, count: usize) -> Result<Vec<usize>> {
         Ok((_, 25..)) => {
             return Err(fault("a day has 24 hours".to_owned()));
         }
-        Ok(_) if !count.is_multiple_of(24) => {
+        Ok(_) if !count.is_multiple_of(24) || count > 8784 => {
             return Err(fault(format!(
-                "the sky has {count} steps, and no whole days: a file of 0 \
-                 and 1 tells which of them count"
+                "the sky has {count} steps, and not the hours of whole days \
+                 of a year: a file of 0 and 1 tells which of them count"
             )));
         }
         Ok((from, to)) => {
@@ -561,8 +562,10 @@ fn steps(hours: &str, count: usize) -> Result<Vec<usize>> {
         }
         Err(_) => {
             // Read which steps count
-            let text = fs::read_to_string(hours)
-                .map_err(Error::cannot("read", hours))?;
+            let text = fs::read_to_string(hours).map_err(|error| {
+                let wanted = "neither hours A..B, A below B, nor a file";
+                fault(format!("{wanted} ({error})"))
+            })?;
             let words = text.split(|c: char| c.is_whitespace() || c == ',');
             let words = words.filter(|word| !word.is_empty());
             let counts = words.map(|word| match word {

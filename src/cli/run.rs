@@ -291,7 +291,7 @@ fn render(
     if !key.only_learns() {
         warn_of_receivers(world, &film, host);
     }
-    finish(output, &film, &convergence, files.shown)?;
+    finish(output, &film, &convergence, files.shown, host)?;
     Ok(stop)
 }
 
@@ -308,14 +308,26 @@ fn picture_error(film: &Film) -> Option<f64> {
     Some(error.rmse * shown.opacity().iter().sum::<f64>() / light)
 }
 
+/// The mean number of errors by which closing moves view factors that
+/// contradict each other; of others it is about 0.6.
+const CONTRADICTION: f64 = 2.;
+
 /// Writes the files a last time, and prints the summary.
 fn finish(
     mut output: RunOutput,
     film: &Film,
     convergence: &Convergence,
     shown: Option<&Path>,
+    host: Host,
 ) -> Result<()> {
     output.write(convergence, film, None)?;
+    let moves = output.record.report.matrix.and_then(|it| it.moves);
+    if moves.is_some_and(|[_, mean]| mean > CONTRADICTION) {
+        host.warn(
+            "closing has moved view factors by many errors: do faces cut each \
+             other, or does one see the back of another (--faces=both)?",
+        );
+    }
     if output.record.run_key.only_learns() {
         let Convergence { rays, seconds, .. } = convergence;
         progress::inform(&format!("learnt    {rays} rays, {seconds:.3} s"));

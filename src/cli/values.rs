@@ -46,10 +46,10 @@ pub fn parse_direction(text: &str) -> Result<DVec3, String> {
 
 /// Parses the direction to the sun.
 pub fn parse_sun(text: &str) -> Result<Sun, String> {
-    let wanted =
-        "expected X,Y,Z or AZIMUTH,ALTITUDE, an altitude from 0 to 90";
+    let wanted = "expected X,Y,Z or AZIMUTH,ALTITUDE, an altitude above 0, up \
+                  to 90";
     match parse_pair(text) {
-        Some([azimuth, altitude]) if (0. ..=90.).contains(&altitude) => {
+        Some([azimuth, altitude]) if altitude > 0. && altitude <= 90. => {
             Ok(Sun::At(azimuth, altitude))
         }
         Some(_) => Err(wanted.to_owned()),

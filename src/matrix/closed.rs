@@ -179,8 +179,8 @@ fn solve(pairs: &mut [Pair], areas: &[f64]) -> Result<()> {
         let length = dot(&before, &search) / curvature;
         add(&mut multipliers, length, &search);
     }
-    Err("the view factors cannot be closed: those of some faces contradict \
-         each other"
+    Err("the view factors cannot be closed: there are too few samples, or \
+         those of some faces contradict each other"
         .into())
 }
 

@@ -40,11 +40,15 @@ impl SkyMatrix {
     /// # Errors
     /// It is none, it holds solar radiances (`-O1`), or it ends too soon.
     pub fn read(bytes: &[u8]) -> Result<Self> {
-        let end = bytes.windows(2).position(|two| two == b"\n\n");
-        let end =
-            end.ok_or("no matrix of Radiance: its header has no end")?;
-        let header = String::from_utf8_lossy(&bytes[..end]);
-        let body = &bytes[end + 2..];
+        let mut end = 0;
+        for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+            end += line.len();
+            if line.trim_ascii().is_empty() {
+                break;
+            }
+        }
+        let (header, body) = bytes.split_at(end);
+        let header = String::from_utf8_lossy(header);
         // Reject solar radiances
         let is_solar = |line: &str| {
             let mut words = line.split_whitespace();
@@ -95,6 +99,15 @@ impl SkyMatrix {
             );
             return Err(fault.into());
         }
+        let is_odd = |x: &f64| !(x.is_finite() && *x >= 0.);
+        if let Some(at) = numbers.iter().position(is_odd) {
+            let (patch, step) = (at / 3 / steps, at / 3 % steps);
+            let fault = format!(
+                "its radiance of patch {patch} in step {step} is {}",
+                numbers[at]
+            );
+            return Err(fault.into());
+        }
         // Keep the luminous part of each radiance
         let luminous = |rgb: &[f64; 3]| {
             let parts = rgb.iter().zip(LUMINOUS).map(|(a, b)| a * b);
@@ -142,7 +155,9 @@ impl Daylight<'_> {
     /// The replicates of a sensor, in order; none if it has no value.
     pub fn replicates(&self, sensor: usize) -> Option<Vec<Replicate>> {
         let &Self { film, columns, .. } = self;
-        let at = film.at(0, self.rows[sensor]?);
+        let (top, end) = (film.window.corner.1, film.window.end().1);
+        let y = self.rows[sensor].filter(|y| (top..end).contains(y))?;
+        let at = film.at(0, y);
         let (size, n) = (film.net_size, film.pixels[at].count());
         let first = film.sample_offset / size;
         let part = |k| {
@@ -316,6 +331,9 @@ impl Year {
         // Find the intervals
         let some = sensors.iter().flatten().map(|[enough, _]| enough);
         let some: Vec<_> = some.collect();
+        if some.is_empty() {
+            return Err("no sensor has a value".into());
+        }
         let share = |end: fn(&Interval) -> f64| {
             let passes = |of: &&&Interval| end(of) > demand.hours - 1e-9;
             let those = some.iter().filter(passes).count();
