@@ -186,7 +186,8 @@ impl<'a> Matrix<'a> {
     /// All entries of a row. Of a sensor without a value they are not numbers; a
     /// face without area sees nothing.
     pub fn dense(&self, row: usize) -> Vec<f64> {
-        let has_value = self.rows[row].is_some() || self.unit() == 1.;
+        let has_value = self.columns.tally.is_of_surfaces();
+        let has_value = has_value || self.rows[row].is_some();
         let none = if has_value { 0. } else { f64::NAN };
         let mut values = vec![none; self.columns.count as usize];
         for (column, mean, _) in self.row(row).into_iter().flatten() {
