@@ -605,7 +605,7 @@ fn a_year_of_a_part_is_that_of_its_sensors() {
     let place = Scratch::new();
     place.put("cube.obj", CUBE);
     let point = |k: i32| format!("0.5 0.5 0.{k} 0 0 1\n");
-    place.put("points.txt", (1..6).map(point).collect::<String>());
+    place.put("points.txt", (100..400).map(point).collect::<String>());
     place.put("sky.smx", sky(24, "ascii", |_, _| 1.));
     let line = "cube.obj --points=points.txt --sky-patches=1 -n512";
     place.free(&format!("{line} --tiles=2/2 -qo part.litpt")).succeeded();
@@ -615,7 +615,7 @@ fn a_year_of_a_part_is_that_of_its_sensors() {
     let said = year("").succeeded().text();
     let rows = said.lines().skip(1).map(|line| line.split(',').next());
     let rows: Vec<_> = rows.flatten().collect();
-    assert!(!rows.is_empty() && rows.len() < 5, "{rows:?}");
+    assert!(!rows.is_empty() && rows.len() < 300, "{rows:?}");
     year("--hours 22..6").failed(1, &["--hours 22..6: neither hours"]);
     place.put("sky.smx", sky(8808, "ascii", |_, _| 1.));
     year("").failed(1, &["not the hours of whole days"]);
