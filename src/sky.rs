@@ -292,7 +292,7 @@ impl Gradation {
         Some(Self { unit, even, ..new })
     }
     /// The integrals of the radiance over the sky, weighted by the height above
-    /// the horizon and by its square, over pi; and how much of the first is cut off
+    /// the horizon and by its square, over pi; and what is cut off of the first,
     /// where the formula is negative.
     fn moments(&self, zenith: DVec3) -> [f64; 3] {
         let [east, north] = compass(zenith);
