@@ -7,12 +7,11 @@ usage: cie171.py scene CASE VARIANT FOLDER
 A black room of 4 x 4 x 3 m without thickness of walls, with an opening in its
 roof or its southern facade, under the sixteen skies of CIE S 011; the sun, due
 south and 60 degrees high, is left out. "scene" writes what pt needs; "check"
-runs pt for each scene until its errors are 0.1 %, or after 2^22 samples where
-a value is zero, and compares its values
-with quadratures written for this. It prints, for each case, how many of their
-standard errors they differ by, and by how much the numbers that the standard
-prints differ from the quadrature, in percent of the irradiance of a horizontal
-surface in the open. It fails if a value is farther off than the largest of so
+runs pt for each scene, with 64 replicates of 4096 samples, and compares its
+values with quadratures written for this. It prints, for each case, the root
+mean square of the stated relative errors, by how many standard errors values
+differ, and by how much the numbers that the standard prints differ from the
+quadrature, in percent of the irradiance of a horizontal surface in the open. It fails if a value is farther off than the largest of so
 many would be by chance in 1 of 100 runs.
 
 The masks of 5.13 and 5.14 are taken as diffuse, lit by the sky and a glowing
@@ -333,7 +332,7 @@ def run(pt, case, variant, kind):
         write(case, variant, folder)
         subprocess.run(
             [pt, 'scene.obj', '--points=points.txt', *options(case, kind),
-             '--error=0.1%', '-n4194304', '-q', '-o', 'values.csv'],
+             '--integrator=sobol', '-n262144', '-q', '-o', 'values.csv'],
             cwd=folder, check=True)
         with open(Path(folder, 'values.csv')) as file:
             return [(100 * float(row['value']), 100 * float(row['stderr']))
@@ -353,9 +352,8 @@ def beyond(x, freedom):
     return 2 * sum(density((i + .5) / steps) for i in range(steps)) / steps
 
 
-def threshold(count, freedom=15):
-    """What the largest of so many t exceeds in 1 of 100 runs; the errors of
-    pt come from at least 16 replicates."""
+def threshold(count, freedom=63):
+    """What the largest of so many t exceeds in 1 of 100 runs."""
     low, high = 1, 100
     while high - low > 1e-6:
         middle = (low + high) / 2
@@ -380,10 +378,11 @@ def check(pt, cases):
                     offs.append(abs(number - true[kind - 1]))
                 if error:
                     zs.append((value - true[kind - 1]) / error)
-                    errors.append(error / value)
-        rms = sqrt(sum(z * z for z in zs) / len(zs))
+                    errors += [error / value] if error < value else []
+        rms, stated = (sqrt(sum(x * x for x in xs) / len(xs))
+                       for xs in (zs, errors))
         farthest = f'{max(offs):.3f}' if offs else ''
-        print(f'{case} {variant},{len(zs)},{max(errors):.5f},{rms:.2f},'
+        print(f'{case} {variant},{len(zs)},{stated:.5f},{rms:.2f},'
               f'{max(map(abs, zs)):.2f},{len(offs) or ""},'
               f'{sum(off > .02 for off in offs) if offs else ""},{farthest}',
               flush=True)
