@@ -35,7 +35,7 @@ from functools import cache
 from math import acos, atan, exp, pi, sqrt
 from pathlib import Path
 
-PRINTED = Path(__file__).with_name('cie171.txt')
+PRINTED = Path(__file__).resolve().parents[1] / 'cie171.txt'
 SUN = (0, -.5, sqrt(.75))
 GROUND = .3             # its albedo
 MASK = {'5.13': .3, '5.14': .5}     # what comes nearest to the tables
