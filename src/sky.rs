@@ -13,7 +13,8 @@
 //! assert_eq!(sky.radiance(-DVec3::Z), 0.);
 //! assert_eq!(Sky::new(DVec3::Z).irradiance_ratio(DVec3::X), 0.5);
 //! let clear = Sky::with(DVec3::Z, Cover::Cie(12)).toward(DVec3::ONE);
-//! assert!(clear.radiance(DVec3::X) > clear.radiance(DVec3::NEG_X));
+//! let [near, far] = [0.6, -0.6].map(|x| DVec3::new(x, 0., 0.8));
+//! assert!(clear.radiance(near) > clear.radiance(far));
 //! ```
 //!
 //! Its bits belong to `SAMPLE_VERSION`.

@@ -300,13 +300,12 @@ fn closing_moves_no_mean() {
     let mut random = Pcg64::seed_from_u64(8);
     let n = 30;
     let mut exchange = vec![vec![0.; n + 1]; n];
-    for i in 0..n {
-        for j in i + 1..n {
-            let value = 0.02 * random.random::<f64>();
-            (exchange[i][j], exchange[j][i]) = (value, value);
-        }
-        exchange[i][n] = 0.7;
+    let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
+    for (i, j) in pairs {
+        let value = 0.02 * random.random::<f64>();
+        (exchange[i][j], exchange[j][i]) = (value, value);
     }
+    exchange.iter_mut().for_each(|row| row[n] = 0.7);
     let areas: Vec<f64> =
         exchange.iter().map(|row| row.iter().sum()).collect();
     let sky_sum: f64 = (0..n).map(|i| exchange[i][n] / areas[i]).sum();
