@@ -160,7 +160,7 @@ $(BOOK): $(BOOK).$(BUILD_TYPE)
 # What is installed below PREFIX: the programs, their manual pages, and
 # completions for three shells. DESTDIR goes before it, for packagers.
 PREFIX = /usr/local
-PAGES = pt ptimg ptview $(addprefix ptimg-,info tonemap rgb diff merge stderr)
+PAGES = pt ptimg ptview $(addprefix ptimg-,daylight info tonemap rgb diff merge stderr)
 INSTALLED = $(PAGES:%=share/man/man1/%.1) $(foreach name,pt ptimg ptview,bin/$(name) \
   share/bash-completion/completions/$(name) share/zsh/site-functions/_$(name) \
   share/fish/vendor_completions.d/$(name).fish)
