@@ -4,6 +4,7 @@
 """View factors, daylight coefficients, and a year of daylight."""
 import functools
 import os
+import warnings
 
 import numpy as np
 
@@ -73,7 +74,10 @@ class ViewFactors(Matrix):
         whose rows sum to 1. Only of factors between faces."""
         words = [word for word in self._words if word != "--closed"]
         closed = self._restored([*words, "--closed"], self._parts())
-        closed._entries
+        if closed._entries[3][1] > 2:
+            warnings.warn("closing has moved view factors by many errors: do "
+                          "faces cut each other, or does one see the back of "
+                          "another (side='both')?", stacklevel=2)
         return closed
 
 

@@ -418,6 +418,11 @@ def test_closed_view_factors_are_reciprocal(box):
     again = pickle.loads(pickle.dumps(closed))
     assert again.moves == closed.moves and numbered(again) == numbered(closed)
     assert numbered(closed.closed()) == numbered(closed) != numbered(found)
+    # A square sees the back of another, which does not see it
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    awning = litpt.Scene(([*square, *(square + [0, 0, 1])], [[0, 1, 2, 3], [4, 5, 6, 7]]))
+    with pytest.warns(UserWarning, match="back of another"):
+        awning.view_factors(samples=1024).closed()
 
 
 def test_view_factors_without_scipy(box, monkeypatch):
