@@ -367,13 +367,15 @@ impl Sky {
         sky.toward(zenith)
     }
 
-    /// The same sky with the sun in this direction, a vector that is not zero.
+    /// The same sky with the sun in this direction, a vector that is not zero; it
+    /// stays at the zenith where it does not matter.
     pub fn toward(self, sun: DVec3) -> Self {
-        let sun = normalise(sun).normalize();
-        Self {
-            gradation: Gradation::new(self.cover, self.zenith, sun),
-            ..self
-        }
+        let sun = match self.cover.needs_sun() {
+            true => normalise(sun).normalize(),
+            false => self.zenith,
+        };
+        let gradation = Gradation::new(self.cover, self.zenith, sun);
+        Self { gradation, ..self }
     }
 
     /// The radiance that arrives from `direction`, if nothing is in the way.

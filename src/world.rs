@@ -465,8 +465,10 @@ fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
 fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
     let Sky { zenith, cover, below, gradation, .. } = subject.sky;
     let mut light = format!("{cover}, zenith {}", direction(zenith));
-    light += &gradation
-        .map_or(String::new(), |it| format!(", sun {}", direction(it.sun)));
+    let sun = gradation.filter(|_| cover.needs_sun()).map(|it| it.sun);
+    if let Some(sun) = sun {
+        light += &format!(", sun {}", direction(sun));
+    }
     let ground = subject.ground.map(|albedo| ("", albedo));
     if let Some((kind, albedo)) =
         ground.or((below > 0.).then_some(("glowing ", below)))

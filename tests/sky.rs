@@ -67,6 +67,8 @@ fn cie_skies_are_those_of_the_standard() {
     }
     let overcast: Cover = "cie:16".parse().unwrap();
     assert_eq!(overcast, Cover::Overcast);
+    let even = Sky::with(DVec3::Z, Cover::Cie(3));
+    assert_eq!(even.toward(sun(20.)), even);
 }
 
 #[test]
@@ -163,6 +165,11 @@ fn skies_give_one_to_a_horizontal_surface() {
         let mut sky = Sky::with(up, cover).toward(sun);
         let found = irradiance(|w| sky.radiance(w), up);
         assert!((found - 1.).abs() < 2e-5, "{cover}: {found}");
+        // The rest of the nearest sky has no mean and no slope
+        let rest = |w| sky.radiance(w) - sky.even_radiance(w);
+        assert!(irradiance(rest, up).abs() < 2e-5, "{cover}");
+        let slope = irradiance(|w| rest(w) * w.dot(up), up);
+        assert!(slope.abs() < 2e-5, "{cover}: {slope}");
         sky.below = below;
         for normal in [up, -up, DVec3::X, overhang] {
             let exact = irradiance(|w| sky.even_radiance(w), normal);

@@ -247,7 +247,8 @@ fn mean(replicates: &[(f64, Vec<f64>)], times: &[u32]) -> Vec<f64> {
     sums
 }
 
-/// A number, and an interval that covers the truth at least in 95 of 100 runs.
+/// A number, and an interval that covers the truth in about 95 of 100 runs, or
+/// in more.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// The number.
