@@ -462,7 +462,7 @@ impl Viewer {
         let subject = &world.subject;
         let Some(framing) = subject.sensed.camera() else { return };
         let View { position, target, up, fov } = framing.view;
-        let Sky { zenith, cover, gradation, .. } = subject.sky;
+        let Sky { zenith, cover, .. } = subject.sky;
         let ((width, height), settings) =
             (framing.resolution, &mut wanted.settings);
         settings.remove("--view");
@@ -479,9 +479,8 @@ impl Viewer {
         ] {
             settings.insert(name.into(), value);
         }
-        let sun = gradation.map(|it| typed(it.sun));
         let fields = json!({
-            "-r": subject.albedo, "--ground": subject.ground, "--sun": sun,
+            "-r": subject.albedo, "--ground": subject.ground,
             "--sky": cover,
         });
         let state = json!({
