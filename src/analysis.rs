@@ -126,6 +126,9 @@ fn dark(intersector: &Bvh, view: &LitView) -> Found {
     let Sensor::Camera(_, entrance) = view.sensor else {
         return (None, NO_CAMERA.to_owned());
     };
+    if view.surfaces.transmits {
+        return (None, "surfaces let light through".to_owned());
+    }
     let is_shut = |_: &_| !lets_out(entrance, intersector);
     let place = entrance.place().filter(is_shut);
     let dark = place.map_or(Ok(false), |place| {

@@ -28,7 +28,7 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
 use crate::host::Host;
-use crate::materials::libraries;
+use crate::materials::{Defined, libraries};
 use crate::plan::{Plan, input_name, is_dash};
 use crate::scene::{Mesh, begins_obj, read_file};
 use crate::sensor::{Point, read_points};
@@ -48,6 +48,8 @@ pub struct Inputs {
     pub albedos: Vec<f64>,
     /// The albedos of materials by name.
     pub materials: BTreeMap<String, f64>,
+    /// The transmittances of the materials that are glass.
+    pub panes: BTreeMap<String, f64>,
     /// Seconds for reading.
     pub seconds: f64,
 }
@@ -92,7 +94,8 @@ impl Inputs {
         }
         drop(bytes);
         if plan.surfaces.materials != Some(false) {
-            inputs.materials = materials(plan, &inputs.mesh, host)?;
+            let found = materials(plan, &inputs.mesh, host)?;
+            (inputs.materials, inputs.panes) = (found.albedos, found.panes);
         }
         inputs.seconds = began.elapsed().as_secs_f64();
         Ok(inputs)
@@ -165,30 +168,26 @@ pub fn sha256(bytes: &[u8]) -> String {
     hash.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The albedos of the materials of a mesh, from its libraries.
-fn materials(
-    plan: &Plan,
-    mesh: &Mesh,
-    host: Host,
-) -> Result<BTreeMap<String, f64>> {
-    let albedos = in_first_rank(host, || {
+/// What the libraries of a mesh define of its materials.
+fn materials(plan: &Plan, mesh: &Mesh, host: Host) -> Result<Defined> {
+    in_first_rank(host, || {
         let folder = plan.scene.parent().unwrap_or(Path::new(""));
         let file = (&*plan.scene_name(), folder);
         let is_asked = plan.surfaces.materials == Some(true);
-        let found = libraries(&mesh.marks, file, plan.surfaces.band);
-        let (albedos, warnings) = match found {
+        let wanted = (plan.surfaces.band, plan.surfaces.glass);
+        let (defined, warnings) = match libraries(&mesh.marks, file, wanted)
+        {
             Err(fault) if !is_asked => {
                 host.warn(fault.to_string());
                 Default::default()
             }
             found => found?,
         };
-        if is_asked || !albedos.is_empty() {
+        if is_asked || !defined.albedos.is_empty() {
             host.warn_all("", warnings);
         }
-        Ok(albedos)
-    })?;
-    Ok(albedos)
+        Ok(defined)
+    })
 }
 
 /// Finds something in the first process, and sends it to all.

@@ -7,6 +7,7 @@
 //! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod gather;
+pub mod shadow;
 pub mod tally;
 
 use std::borrow::Cow;
@@ -21,6 +22,7 @@ use crate::materials::Surfaces;
 use crate::sampler::{Sampler, cosine_direction, dimension};
 use crate::scene::Ray;
 use crate::sky::Sky;
+use shadow::Shadow;
 
 /// What a path does at the end of a ray.
 #[derive(Clone, Copy, Debug)]
@@ -36,8 +38,14 @@ pub trait Integrator: Sync {
     /// The state of a path between two hits.
     type Path;
 
-    /// Begins a path whose first ray has this direction.
-    fn begin(&self, direction: DVec3) -> Self::Path;
+    /// Begins a path whose first ray has this direction, and from whose end
+    /// this part of the light reaches the image.
+    fn begin(&self, direction: DVec3, throughput: f64) -> Self::Path;
+
+    /// The surfaces; first rays look through their panes.
+    fn surfaces(&self) -> Surfaces<'_> {
+        Surfaces::of(1.)
+    }
 
     /// Whether nothing reflects, so that it does not matter where a path
     /// that has left a first surface meets another.
@@ -209,10 +217,21 @@ pub struct PathState {
     pub throughput: f64,
     /// The number of bounces so far.
     pub bounces: u64,
-    /// The direction of its ray.
-    direction: DVec3,
+    /// The direction in which it has left the last surface.
+    pub direction: DVec3,
     /// What the control variate adds to its contribution.
     pub variate: f64,
+    /// What the sun has added to its contribution.
+    pub sunlight: f64,
+    /// The shadow ray that is under way, if one is.
+    pub shadow: Option<Shadow>,
+}
+
+impl PathState {
+    /// The path ends, with this light from its last ray.
+    fn end(&self, light: f64) -> PathEvent {
+        PathEvent::Terminate(light + self.variate + self.sunlight)
+    }
 }
 
 /// The probability that a path of `n` bounces makes another one,
@@ -229,12 +248,24 @@ impl Integrator for PathTracer<'_> {
     type Path = PathState;
 
     fn is_black(&self) -> bool {
-        self.surfaces.most == 0.
+        self.surfaces.most == 0. && !self.surfaces.transmits
     }
 
     #[inline(always)]
-    fn begin(&self, direction: DVec3) -> PathState {
-        PathState { throughput: 1., bounces: 0, direction, variate: 0. }
+    fn begin(&self, direction: DVec3, throughput: f64) -> PathState {
+        let (bounces, variate, sunlight, shadow) = (0, 0., 0., None);
+        PathState {
+            throughput,
+            bounces,
+            direction,
+            variate,
+            sunlight,
+            shadow,
+        }
+    }
+
+    fn surfaces(&self) -> Surfaces<'_> {
+        self.surfaces
     }
 
     #[inline(always)]
@@ -244,24 +275,32 @@ impl Integrator for PathTracer<'_> {
         hit: Option<Hit>,
         sampler: &mut impl Sampler,
     ) -> PathEvent {
+        if let Some(shadow) = path.shadow {
+            return shadow.end(path, &self.surfaces, hit);
+        }
         let Some(hit) = hit else {
             let radiance = match path.bounces {
                 0 => self.sky.seen(path.direction),
                 _ => self.sky.radiance(path.direction),
             };
-            let light = path.throughput * radiance;
-            return PathEvent::Terminate(light + path.variate);
+            return path.end(path.throughput * radiance);
         };
+        // Go on through a pane
+        if let Some(part) = self.surfaces.pane(&hit, path.direction) {
+            path.throughput *= part;
+            let ray = Ray { origin: hit.point, direction: path.direction };
+            return PathEvent::Scatter(ray, hit.primitive);
+        }
         let albedo = self.surfaces.albedo(hit.primitive);
         // End a path where nothing is reflected
         if albedo == 0. {
-            return PathEvent::Terminate(path.variate);
+            return path.end(0.);
         }
         // Weaken the path or play roulette
         if path.throughput < ROULETTE_THRESHOLD {
             let u = sampler.get_1d(dimension::roulette(path.bounces));
             if u >= albedo {
-                return PathEvent::Terminate(path.variate);
+                return path.end(0.);
             }
         } else {
             path.throughput *= albedo;
@@ -270,20 +309,28 @@ impl Integrator for PathTracer<'_> {
                 let probability = survival(path.bounces);
                 let u = sampler.get_1d(dimension::roulette(path.bounces));
                 if u >= probability {
-                    return PathEvent::Terminate(path.variate);
+                    return path.end(0.);
                 }
                 path.throughput /= probability;
             }
         }
         // Leave the surface in a random direction
-        let [r, turn] = sampler.get_2d(dimension::direction(path.bounces));
-        path.direction = cosine_direction(hit.normal, r, turn);
+        let bounce = path.bounces;
+        let [mut r, turn] = sampler.get_2d(dimension::direction(bounce));
+        let side = self.surfaces.lit_side(&hit, &mut r);
+        path.direction = cosine_direction(side.normal, r, turn);
         if path.bounces == 0 && self.control > 0. {
-            let variate = self.control_variate(&hit, path.direction);
+            let variate = self.control_variate(&side, path.direction);
             path.variate = self.control * variate;
         }
         path.bounces += 1;
         let ray = Ray { origin: hit.point, direction: path.direction };
+        // Look for the sun first
+        if let Some(beam) = self.sky.beam {
+            let u = sampler.get_2d(dimension::sun(bounce));
+            let sun = beam.sample(side.normal, u);
+            return path.look_for_sun(sun, ray, hit.primitive);
+        }
         PathEvent::Scatter(ray, hit.primitive)
     }
 }

@@ -18,6 +18,8 @@
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
+pub mod glass;
+
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs;
 use std::path::Path;
@@ -27,8 +29,9 @@ use serde::{Deserialize, Serialize};
 use crate::bvh::{Bvh, GROUND};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::encoding::quoted;
-use crate::scene::mtl::{Library, read_mtl};
+use crate::scene::mtl::{Clear, Library, read_mtl};
 use crate::scene::{Mark, MarkKind};
+use glass::{Bsdf, CLEAREST};
 
 /// The files in a folder that a statement refers to.
 fn files(line: &str, folder: &Path) -> Vec<String> {
@@ -63,20 +66,32 @@ pub enum Band {
     B,
 }
 
-/// The albedo of each material that a scene uses and its libraries, in
-/// `folder`, define: its luminance, or one band; and warnings.
+/// What the libraries of a scene define of its materials.
+#[derive(Default, Serialize, Deserialize)]
+pub struct Defined {
+    /// The albedo of each.
+    pub albedos: BTreeMap<String, f64>,
+    /// The transmittance of those that are glass.
+    pub panes: BTreeMap<String, f64>,
+}
+
+/// What the libraries, in `folder`, define of each material that a scene uses:
+/// its luminance, or one band; with `glass` also which are panes; and
+/// warnings.
 ///
 /// # Errors
 /// A library cannot be read, or a `Kd` is not made of numbers from 0 to 1.
 pub fn libraries(
     marks: &[Mark],
     (scene, folder): (&str, &Path),
-    band: Option<Band>,
-) -> Result<(BTreeMap<String, f64>, Vec<Diagnostic>)> {
+    (band, glass): (Option<Band>, bool),
+) -> Result<(Defined, Vec<Diagnostic>)> {
     let used: BTreeSet<_> = names(marks, MarkKind::Material).collect();
     let named = marks.iter().filter(|m| m.kind == MarkKind::Library);
     let files = named.flat_map(|mark| files(&mark.name, folder));
-    let (mut library, mut seen) = (Library::default(), BTreeSet::new());
+    let panes = glass.then(BTreeMap::new);
+    let mut library = Library { panes, ..Library::default() };
+    let mut seen = BTreeSet::new();
     for name in files.filter(|name| seen.insert(name.clone())) {
         // Read one library
         let shown = folder.join(quoted(&name)).display().to_string();
@@ -107,13 +122,20 @@ pub fn libraries(
         warnings.push(Diagnostic::from(what).of_file(scene));
     }
     // Reduce each material to one number
-    let albedo = |[r, g, b]: [f64; 3]| match band {
+    let number = |[r, g, b]: [f64; 3]| match band {
         None => 0.2126 * r + 0.7152 * g + 0.0722 * b,
         Some(band) => [r, g, b][band as usize],
     };
     let diffuse = library.diffuse.into_iter();
-    let albedos = diffuse.map(|(name, kd)| (name, albedo(kd)));
-    Ok((albedos.collect(), warnings))
+    let albedos = diffuse.map(|(name, kd)| (name, number(kd))).collect();
+    // Limit panes to the clearest glass
+    let panes = library.panes.into_iter().flatten();
+    let panes = panes.filter_map(|(name, Clear { part, filter })| {
+        let part = part? * filter.map_or(1., number);
+        (part > 0.).then_some((name, part.min(CLEAREST)))
+    });
+    let defined = Defined { albedos, panes: panes.collect() };
+    Ok((defined, warnings))
 }
 
 /// The distinct names of a kind, in order, without empty ones.
@@ -137,13 +159,30 @@ pub struct Named {
     /// face, the last one counts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub named_albedos: Vec<(String, f64)>,
+    /// The transmittances of the materials of its libraries that are glass.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub panes: BTreeMap<String, f64>,
+    /// What materials, groups or objects let through, which counts before
+    /// their albedos.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub transmitting: Vec<(String, Bsdf)>,
 }
 
-/// The albedos of the faces of a file.
+impl Named {
+    /// The bsdf of each name that was given one, the last one before all.
+    fn given(&self) -> impl Iterator<Item = (&str, Bsdf)> {
+        let albedos = self.named_albedos.iter();
+        let opaque = albedos.map(|(n, a)| (&n[..], Bsdf::Diffuse(*a)));
+        let transmitting = self.transmitting.iter();
+        opaque.chain(transmitting.map(|(name, bsdf)| (&name[..], *bsdf)))
+    }
+}
+
+/// How the faces of a file scatter light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FaceAlbedos {
-    /// The first face of each stretch of faces, and their albedo.
-    stretches: Vec<(u32, f64)>,
+    /// The first face of each stretch of faces, and their bsdf.
+    stretches: Vec<(u32, Bsdf)>,
 }
 
 impl FaceAlbedos {
@@ -153,35 +192,45 @@ impl FaceAlbedos {
     /// # Errors
     /// A name that was given an albedo is not in the file.
     pub fn new(marks: &[Mark], named: &Named, others: f64) -> Result<Self> {
-        let mut is_used = vec![false; named.named_albedos.len()];
+        let mut is_used = vec![false; named.given().count()];
         let mut current: [&str; 3] = [""; 3];
-        let mut stretches = vec![(0, others)];
+        let mut stretches = vec![(0, Bsdf::Diffuse(others))];
         for Mark { face, kind, name } in marks {
             let Some(of_kind) = current.get_mut(*kind as usize) else {
                 continue;
             };
             *of_kind = name;
-            // Find the albedo under the current names
+            // Find the bsdf under the current names
             let [object, groups, material] = current;
-            let mut albedo =
-                named.materials.get(material).copied().unwrap_or(others);
-            for ((name, given), used) in
-                named.named_albedos.iter().zip(&mut is_used)
-            {
+            let albedo = named.materials.get(material).unwrap_or(&others);
+            let mut bsdf = match named.panes.get(material) {
+                Some(transmittance) => Bsdf::Glass(*transmittance),
+                None => Bsdf::Diffuse(*albedo),
+            };
+            for ((name, given), used) in named.given().zip(&mut is_used) {
                 let mut names = [object, groups, material].into_iter();
                 let is_group =
                     || groups.split_whitespace().any(|group| group == name);
                 if names.any(|other| other == name) || is_group() {
-                    (albedo, *used) = (*given, true);
+                    (bsdf, *used) = (given, true);
                 }
             }
             stretches.pop_if(|(first, _)| first == face);
-            stretches.push((*face, albedo));
+            stretches.push((*face, bsdf));
         }
         // Reject a name that is not in the file
-        if let Some(unknown) = is_used.iter().position(|used| !used) {
-            let (name, albedo) = &named.named_albedos[unknown];
-            let option = format!("--albedo {}={albedo}", quoted(name));
+        let mut unknown = named.given().zip(is_used);
+        if let Some(((name, bsdf), _)) = unknown.find(|(_, used)| !used) {
+            let name_there = quoted(name);
+            let option = match bsdf {
+                Bsdf::Diffuse(albedo) => {
+                    format!("--albedo {name_there}={albedo}")
+                }
+                Bsdf::Glass(part) => format!("--glass {name_there}={part}"),
+                Bsdf::Transmitter([back, on]) => {
+                    format!("--transmit {name_there}={back},{on}")
+                }
+            };
             return Err(unknown_name(marks, name, &option).into());
         }
         Ok(Self { stretches })
@@ -189,12 +238,17 @@ impl FaceAlbedos {
 
     /// These albedos of the faces, one by one.
     pub fn each(albedos: &[f64]) -> Self {
-        let stretches = (0..).zip(albedos.iter().copied()).collect();
-        Self { stretches }
+        let bsdfs = albedos.iter().copied().map(Bsdf::Diffuse);
+        Self { stretches: (0..).zip(bsdfs).collect() }
     }
 
     /// The albedo of a face.
     pub fn of(&self, face: u32) -> f64 {
+        self.bsdf(face).albedo()
+    }
+
+    /// How a face scatters light.
+    pub fn bsdf(&self, face: u32) -> Bsdf {
         let after =
             self.stretches.partition_point(|&(first, _)| first <= face);
         self.stretches[after - 1].1
@@ -223,7 +277,9 @@ pub struct AlbedoTable {
     numbers: Vec<u16>,
     /// The albedos.
     albedos: Vec<f64>,
-    /// Their mean, weighted by the area of their triangles.
+    /// The bsdfs that have them.
+    bsdfs: Vec<Bsdf>,
+    /// The mean albedo, weighted by the area of the triangles.
     mean: f64,
 }
 
@@ -234,20 +290,24 @@ impl AlbedoTable {
     /// There are more than 65 536 albedos.
     pub fn new(faces: &FaceAlbedos, bvh: &Bvh) -> Result<Self> {
         let (_, first) = faces.stretches[0];
-        let is_first = |&(_, albedo): &(u32, f64)| albedo == first;
-        if faces.stretches.iter().all(is_first) {
-            let (numbers, albedos) = (vec![], vec![first]);
-            return Ok(Self { numbers, albedos, mean: first });
+        let is_first = |&(_, bsdf): &(u32, Bsdf)| bsdf == first;
+        if faces.stretches.iter().all(is_first)
+            && let Bsdf::Diffuse(mean) = first
+        {
+            let albedos = vec![mean];
+            return Ok(Self { albedos, mean, ..Self::default() });
         }
         let (mut table, mut numbered) = (Self::default(), HashMap::new());
         let (mut sum, mut area_sum) = (0., 0.);
         bvh.for_each(|slot, &[a, b, c]| {
-            let albedo = faces.of(bvh.face(slot));
-            // Number an albedo
+            let bsdf = faces.bsdf(bvh.face(slot));
+            let albedo = bsdf.albedo();
+            // Number a bsdf
             let next = table.albedos.len();
-            let number = *numbered.entry(albedo.to_bits()).or_insert(next);
+            let number = *numbered.entry(bsdf.key()).or_insert(next);
             if number == next {
                 table.albedos.push(albedo);
+                table.bsdfs.push(bsdf);
             }
             let slot = slot as usize;
             table.numbers.resize(table.numbers.len().max(slot + 1), 0);
@@ -274,12 +334,16 @@ pub struct Surfaces<'a> {
     ground: f64,
     /// The largest of all albedos.
     pub most: f64,
+    /// Whether some let light through.
+    pub transmits: bool,
 }
 
 impl<'a> Surfaces<'a> {
     /// One albedo for all surfaces.
     pub fn of(albedo: f64) -> Self {
-        Self { typical: albedo, table: None, ground: 0., most: albedo }
+        let (typical, most) = (albedo, albedo);
+        let (table, ground, transmits) = (None, 0., false);
+        Self { typical, table, ground, most, transmits }
     }
 
     /// An albedo for each triangle, from a table if there are several, and
@@ -287,9 +351,12 @@ impl<'a> Surfaces<'a> {
     pub fn new(table: &'a AlbedoTable, ground: Option<f64>) -> Self {
         let ground = ground.unwrap_or(0.);
         let most = table.albedos.iter().copied().fold(ground, f64::max);
-        let many = table.albedos.len() > 1;
+        let is_opaque = |bsdf: &Bsdf| matches!(bsdf, Bsdf::Diffuse(_));
+        let transmits = !table.bsdfs.iter().all(is_opaque);
+        let many = table.bsdfs.len() > 1 || transmits;
         let typical = if many { table.mean } else { table.albedos[0] };
-        Self { typical, table: many.then_some(table), ground, most }
+        let table = many.then_some(table);
+        Self { typical, table, ground, most, transmits }
     }
 
     /// The albedo at a hit on this triangle, on the ground, or at a receiver,
@@ -303,6 +370,17 @@ impl<'a> Surfaces<'a> {
                 albedos[usize::from(numbers[primitive as usize])]
             }
             None => self.typical,
+        }
+    }
+
+    /// How the surface there scatters light.
+    fn bsdf(&self, primitive: u32) -> Bsdf {
+        match self.table {
+            Some(table) if primitive < GROUND => {
+                let number = table.numbers[primitive as usize];
+                table.bsdfs[usize::from(number)]
+            }
+            _ => Bsdf::Diffuse(self.albedo(primitive)),
         }
     }
 

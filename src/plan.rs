@@ -38,6 +38,7 @@ use crate::film::{MAX_SIDE, SIDE, Window};
 use crate::image::Format;
 use crate::key::{Part, whole_window};
 use crate::materials::Band;
+use crate::materials::glass::{Bsdf, CLEAREST};
 use crate::matrix::MatrixFormat;
 use crate::output::descriptor;
 pub use crate::render::choose::Budget;
@@ -101,6 +102,8 @@ impl Default for Plan {
                 named: vec![],
                 materials: Some(false),
                 band: None,
+                transmitting: vec![],
+                glass: false,
             },
             sky: SkyPlan {
                 cover: Cover::Uniform,
@@ -108,6 +111,7 @@ impl Default for Plan {
                 sun: None,
                 ground_glow: None,
                 ground: None,
+                direct: None,
             },
             tally: None,
             budget: Budget::samples(default_samples(false)),
@@ -220,6 +224,12 @@ pub struct SurfacePlan {
     pub materials: Option<bool>,
     /// The band of the materials; none for the luminance.
     pub band: Option<Band>,
+    /// What materials, groups and objects let through, by name.
+    #[serde(default)]
+    pub transmitting: Vec<(String, Bsdf)>,
+    /// Whether transparent materials are glass.
+    #[serde(default)]
+    pub glass: bool,
 }
 
 /// Where light comes from.
@@ -238,6 +248,10 @@ pub struct SkyPlan {
     pub ground_glow: Option<f64>,
     /// The albedo of an endless ground below the scene, if there is one.
     pub ground: Option<f64>,
+    /// The irradiance that the sun adds on a surface that faces it, in units
+    /// of that of a horizontal one under the sky alone.
+    #[serde(default)]
+    pub direct: Option<f64>,
 }
 
 /// What a file of a run holds.
@@ -417,6 +431,11 @@ impl Plan {
             || self.outputs.files.iter().any(|(p, _)| p.has_hash())
     }
 
+    /// Whether surfaces let light through.
+    fn transmits(&self) -> bool {
+        self.surfaces.glass || !self.surfaces.transmitting.is_empty()
+    }
+
     /// Whether both sides of faces are receivers.
     pub fn has_sides(&self) -> bool {
         let SensorPlan::Faces { side, .. } = self.sensor else {
@@ -452,6 +471,30 @@ impl Plan {
             require(is_valid, "albedo", albedo, wanted)?;
         }
         self.sky.check()?;
+        let is_opaque = !self.transmits();
+        let leaves = matches!(
+            self.sensor,
+            SensorPlan::Faces { radiosity: true, .. }
+        );
+        let wanted = "is not computed where surfaces let light through \
+                      (--glass, --transmit)";
+        require(is_opaque || !leaves, "radiosity", "", wanted)?;
+        for (name, bsdf) in &self.surfaces.transmitting {
+            let (option, value, is_valid, wanted) = match bsdf {
+                Bsdf::Transmitter([back, on]) => (
+                    "transmit",
+                    format!("{name}={back},{on}"),
+                    *back >= 0. && *on >= 0. && back + on <= 1.,
+                    TRANSMITTER,
+                ),
+                bsdf => {
+                    let part = bsdf.transmittance();
+                    let is_valid = (0. ..=CLEAREST).contains(&part);
+                    ("glass", format!("{name}={part}"), is_valid, GLASS)
+                }
+            };
+            require(is_valid, option, value, wanted)?;
+        }
         let Budget { samples, time, error } = self.budget;
         let (samples, time) = (samples.unwrap_or(1), time.unwrap_or(0.));
         require(samples > 0, "samples", samples, "expected at least 1")?;
@@ -475,6 +518,7 @@ impl Plan {
         let is_uniform = self.sky.cover == Cover::Uniform
             && self.sky.ground_glow.is_none();
         let has_patches = !matches!(tally, Tally::Derivative(_));
+        let transmits = self.transmits();
         let is_nets = self.method.is_none_or(|m| m == Method::Sobol);
         let error = self.budget.error;
         let is_relative = error.is_some_and(|(_, norm)| norm.relative);
@@ -486,6 +530,17 @@ impl Plan {
             }
             SensorPlan::Faces { radiosity: true, .. } => {
                 "sorts what arrives, and not the radiosity"
+            }
+            _ if self.sky.direct.is_some() => {
+                "has no light of a sun, and not --direct"
+            }
+            _ if transmits && tally.is_of_surfaces() => {
+                "ends at the first surface, and looks through none (--glass, \
+                  --transmit)"
+            }
+            _ if transmits && !has_patches => {
+                "follows what surfaces reflect, and not what they transmit \
+                 (--glass, --transmit)"
             }
             _ if has_patches && !is_uniform => {
                 "needs the uniform sky without a glow, whose light does not matter"
@@ -580,11 +635,26 @@ impl SkyPlan {
         let wanted = "the sphere has its own light below the horizon";
         let named = glow.unwrap_or_default();
         require(glow.is_none(), "ground-glow", named, wanted)?;
+        let direct = self.direct.unwrap_or(0.);
+        let is_irradiance = (0. ..=1e6).contains(&direct);
+        let wanted = "expected an irradiance from 0 to 1e6";
+        require(is_irradiance, "direct", direct, wanted)?;
+        let has_sun = self.direct.is_none() || self.sun.is_some();
+        let wanted = "needs the direction to the sun, --sun";
+        require(has_sun, "direct", direct, wanted)?;
         let is_lit = self.sun.is_some() || !self.cover.needs_sun();
         let wanted = "needs the direction to the sun, --sun";
         require(is_lit, "sky", self.cover, wanted)
     }
 }
+
+/// What the option for glass takes.
+const GLASS: &str = "expected a transmittance from 0 to 0.9183: clear glass \
+                     reflects the rest";
+
+/// What the option for diffuse transmitters takes.
+const TRANSMITTER: &str = "expected the parts that are reflected and \
+                           transmitted, not more than 1 together";
 
 /// The name of an input file, for people.
 pub(crate) fn input_name(path: &Path) -> String {

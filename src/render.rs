@@ -227,8 +227,9 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         });
         let sees_sky =
             known_pixels.content(tile.corner) == TileContent::Sky;
-        let Starts { directions, hits, rays } =
-            sensor.starts(intersector, &places, self.resolution, sees_sky);
+        let (surfaces, size) = (integrator.surfaces(), self.resolution);
+        let Starts { directions, hits, transmittances, rays } =
+            sensor.starts(intersector, &surfaces, &places, size, sees_sky);
         for i in 0..BEAM {
             // Advance a path from its first hit
             let Some((pixel, mut sampler)) = started[i].take() else {
@@ -236,7 +237,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             };
             let fragment =
                 fragments.and_then(|it| it.place(pixel, hits[i].as_ref()?));
-            let mut path = integrator.begin(directions[i]);
+            let mut path =
+                integrator.begin(directions[i], transmittances[i]);
             match integrator.advance(&mut path, hits[i], &mut sampler) {
                 PathEvent::Scatter(ray, from) => {
                     let flight = PathInFlight {

@@ -57,6 +57,12 @@ pub mod dimension {
     pub fn direction(bounce: u64) -> u64 {
         3 + 3 * bounce
     }
+
+    /// The first of the two dimensions of the point of the sun after it.
+    #[inline(always)]
+    pub fn sun(bounce: u64) -> u64 {
+        (1 << 62) + 2 * bounce
+    }
 }
 
 /// The generator of sample `n` of pixel `i`, for a seed.

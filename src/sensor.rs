@@ -28,6 +28,7 @@ use crate::bvh::{BEAM, Batch, Bvh, Hit, Intersector, NONE};
 use crate::bvh::{is_within, lifted};
 use crate::camera::Camera;
 use crate::error::{Diagnostic, Result};
+use crate::materials::Surfaces;
 use crate::numerics::{cross, normalise, power_of_two, sincos_turns};
 use crate::sampler::{to_unit, within};
 use crate::scene::encoding::{self, quoted};
@@ -45,8 +46,22 @@ pub enum Sensor {
 pub struct Starts {
     /// The directions of their rays; receivers have none.
     pub directions: [DVec3; BEAM],
-    /// The surfaces that they have met, or receivers.
+    /// The surfaces that they have met behind all panes, or receivers.
     pub hits: Batch<Hit>,
+    /// The part of the light from there that the panes transmit.
+    pub transmittances: [f64; BEAM],
+    /// The number of rays traced.
+    pub rays: u64,
+}
+
+/// The start of a sample.
+pub struct Start {
+    /// The direction of its ray; a receiver has none.
+    pub direction: DVec3,
+    /// The surface that it has met behind all panes, or a receiver.
+    pub hit: Option<Hit>,
+    /// The part of the light from there that the panes transmit.
+    pub transmittance: f64,
     /// The number of rays traced.
     pub rays: u64,
 }
@@ -61,17 +76,20 @@ impl Sensor {
     pub fn starts(
         &self,
         intersector: &impl Intersector,
+        surfaces: &Surfaces,
         places: &Batch<Place>,
         (width, height): (u32, u32),
         sees_sky: bool,
     ) -> Starts {
+        let mut transmittances = [1.; BEAM];
         let (camera, entrance) = match self {
             Self::Camera(camera, entrance) => (camera, entrance),
             Self::Receivers(receivers) => {
                 let hit = |((_, y), u): Place| receivers.hit(y as usize, u);
                 let hits = array::from_fn(|i| places[i].map(hit));
                 let directions = [DVec3::ZERO; BEAM];
-                return Starts { directions, hits, rays: 0 };
+                let rays = 0;
+                return Starts { directions, hits, transmittances, rays };
             }
         };
         let directions = array::from_fn(|i| {
@@ -89,18 +107,29 @@ impl Sensor {
                 hits[i] = ground_below(intersector, entrance, direction);
             }
         }
-        let rays = rays.iter().flatten().count() as u64;
-        Starts { directions, hits, rays }
+        let mut rays = rays.iter().flatten().count() as u64;
+        // Look through panes
+        if surfaces.transmits {
+            for i in 0..BEAM {
+                let (hit, part, more) = surfaces.behind_panes(
+                    intersector,
+                    directions[i],
+                    hits[i],
+                );
+                (hits[i], transmittances[i]) = (hit, part);
+                rays += more;
+            }
+        }
+        Starts { directions, hits, transmittances, rays }
     }
 
-    /// Starts a sample at the point (`x`, `y`) of the image: the direction of
-    /// its ray, the ray if it enters the scene, and the surface that it meets.
+    /// Starts a sample at the point (`x`, `y`) of the image.
     pub fn start(
         &self,
         intersector: &impl Intersector,
-        x: f64,
-        y: f64,
-    ) -> (DVec3, Option<Ray>, Option<Hit>) {
+        surfaces: &Surfaces,
+        (x, y): (f64, f64),
+    ) -> Start {
         match self {
             Self::Camera(camera, entrance) => {
                 let direction = camera.direction(x, y);
@@ -109,7 +138,10 @@ impl Sensor {
                     Some(ray) => intersector.first_hit(ray, None),
                     None => ground_below(intersector, entrance, direction),
                 };
-                (direction, ray, hit)
+                let (hit, transmittance, more) =
+                    surfaces.behind_panes(intersector, direction, hit);
+                let rays = u64::from(ray.is_some()) + more;
+                Start { direction, hit, transmittance, rays }
             }
             Self::Receivers(receivers) => {
                 let row = y * receivers.numbers.len() as f64;
@@ -117,7 +149,8 @@ impl Sensor {
                 let to_u32 = |u| (u * power_of_two(32)) as u32;
                 let u = [x, row.fract()].map(to_u32);
                 let hit = receivers.hit((row as usize).min(last), u);
-                (DVec3::ZERO, None, Some(hit))
+                let (direction, hit) = (DVec3::ZERO, Some(hit));
+                Start { direction, hit, transmittance: 1., rays: 0 }
             }
         }
     }

@@ -19,6 +19,8 @@
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
+pub mod sun;
+
 use std::array;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt::{self, Display, Formatter};
@@ -28,6 +30,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::numerics::normalise;
+use sun::Beam;
 
 /// How the radiance of the sky is distributed; a horizontal surface in the
 /// open gets the same from each.
@@ -146,6 +149,9 @@ pub struct Sky {
     /// How it changes towards the horizon and towards the sun, if it does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gradation: Option<Gradation>,
+    /// The sun, if it shines.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beam: Option<Beam>,
 }
 
 fn is_zero(value: &f64) -> bool {
@@ -362,8 +368,9 @@ impl Sky {
     /// It is [`Cover::Cie`] of no type.
     pub fn with(zenith: DVec3, cover: Cover) -> Self {
         let zenith = normalise(zenith).normalize();
-        let (background, below, gradation) = (None, 0., None);
-        let sky = Self { zenith, cover, background, below, gradation };
+        let (background, below, gradation, beam) = (None, 0., None, None);
+        let sky =
+            Self { zenith, cover, background, below, gradation, beam };
         sky.toward(zenith)
     }
 

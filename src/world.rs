@@ -32,6 +32,7 @@ use crate::image::levels::level;
 use crate::inputs::Inputs;
 use crate::integrator::gather::cache::Grid;
 use crate::key::{Framing, ReceiverSource, Sensed, Subject};
+use crate::materials::glass::{Bsdf, Pane};
 use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
 use crate::matrix::Matrix;
 use crate::plan::{
@@ -40,9 +41,11 @@ use crate::plan::{
 };
 use crate::render::choose::{Setup, expected_rays};
 use crate::report::{Report, SceneFile, Settings};
+use crate::scene::encoding::quoted;
 use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
+use crate::sky::sun::Beam;
 use crate::sky::{Cover, Gradation, Sky};
 use crate::tally::Columns;
 
@@ -176,6 +179,7 @@ impl World {
         let (asked, table) = asked(plan, &inputs, &faces).unzip();
         let mut subject = subject(plan, mesh, named, asked)?;
         note_camera(plan, &subject, host);
+        note_panes(&subject.named, host);
         let light = light(plan, mesh, &subject);
         let (seconds, shared) = (inputs.seconds, inputs.mesh.clone());
         let named_mesh = plan.tally.as_ref().map(|tally| (tally, shared));
@@ -276,7 +280,9 @@ impl World {
     /// The plan does not suit the scene; it is shown as before.
     pub fn show(&mut self, plan: &Plan, mesh: &Mesh) -> Result<()> {
         let named_albedos = plan.surfaces.named.clone();
-        let named = Named { named_albedos, ..self.subject.named.clone() };
+        let transmitting = plan.surfaces.transmitting.clone();
+        let old = self.subject.named.clone();
+        let named = Named { named_albedos, transmitting, ..old };
         let new = subject(plan, mesh, named, None)?;
         let sensor = camera(&new.sensed, &self.geometry.frame)?;
         let geometry = Arc::get_mut(&mut self.geometry)
@@ -336,7 +342,9 @@ fn named(plan: &Plan, inputs: &Inputs, host: Host) -> Named {
              surface has the albedo {albedo} (--materials)"
         ));
     }
-    Named { named_albedos, band, materials }
+    let panes = inputs.panes.clone();
+    let transmitting = surfaces.transmitting.clone();
+    Named { named_albedos, band, materials, panes, transmitting }
 }
 
 /// The receivers of a plan, if it has any, and their table.
@@ -414,11 +422,20 @@ fn sky(plan: &SkyPlan, zenith: DVec3) -> Result<Sky> {
         require(is_up, "sun", typed(toward), wanted)?;
         sky = sky.toward(toward);
     }
+    if let (Some(irradiance), Some(sun)) = (plan.direct, plan.sun) {
+        let toward = sun.direction(zenith);
+        let height = toward.dot(zenith);
+        let wanted = "expected a sun above the horizon";
+        require(height > 0., "sun", typed(toward), wanted)?;
+        sky.beam = Some(Beam { toward, irradiance });
+    }
     let is_sound = sky.gradation.is_none_or(Gradation::is_sound);
     let wanted = "its formula grows without bound at the horizon, or is \
                   negative in a part of the sky";
     require(is_sound, "sky", plan.cover, wanted)?;
-    sky.below = plan.ground_glow.unwrap_or(0.);
+    let sunlight = |beam: Beam| beam.irradiance * beam.toward.dot(zenith);
+    let lit = 1. + sky.beam.map_or(0., sunlight);
+    sky.below = plan.ground_glow.unwrap_or(0.) * lit;
     Ok(sky)
 }
 
@@ -461,17 +478,43 @@ fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
     (host.listen)(Event::Note(note));
 }
 
+/// Notes how much light panes reflect, which is left out.
+fn note_panes(named: &Named, host: Host) {
+    let given = named.transmitting.iter().map(|(name, bsdf)| (name, *bsdf));
+    let found = named.panes.iter().map(|(n, t)| (n, Bsdf::Glass(*t)));
+    let mut panes =
+        given.chain(found).filter_map(|(name, bsdf)| match bsdf {
+            Bsdf::Glass(part) => Some((name, part)),
+            _ => None,
+        });
+    let Some((name, part)) = panes.next() else { return };
+    let [through, back] = Pane::new(part).diffuse_shares();
+    let name = quoted(name);
+    let more = match panes.count() {
+        0 => String::new(),
+        n => format!("; and {n} more"),
+    };
+    (host.listen)(Event::Note(format!(
+        "glass {name} transmits {part} of straight and {through:.3} of diffuse \
+         light; the {back:.3} that it reflects of that is left out{more}"
+    )));
+}
+
 /// The sky and the ground in words, and another axis that seems to be up.
 fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
-    let Sky { zenith, cover, below, gradation, .. } = subject.sky;
+    let Sky { zenith, cover, gradation, beam, .. } = subject.sky;
     let mut light = format!("{cover}, zenith {}", direction(zenith));
     let sun = gradation.filter(|_| cover.needs_sun()).map(|it| it.sun);
-    if let Some(sun) = sun {
+    if let Some(sun) = beam.map(|beam| beam.toward).or(sun) {
         light += &format!(", sun {}", direction(sun));
     }
+    if let Some(Beam { irradiance, .. }) = beam {
+        light += &format!(" of irradiance {irradiance}");
+    }
     let ground = subject.ground.map(|albedo| ("", albedo));
+    let glow = plan.sky.ground_glow.filter(|albedo| *albedo > 0.);
     if let Some((kind, albedo)) =
-        ground.or((below > 0.).then_some(("glowing ", below)))
+        ground.or(glow.map(|albedo| ("glowing ", albedo)))
     {
         light += &format!(", above a {kind}ground of albedo {albedo}");
     }

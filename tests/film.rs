@@ -280,7 +280,7 @@ struct Distance;
 impl Integrator for Distance {
     type Path = ();
 
-    fn begin(&self, _: DVec3) {}
+    fn begin(&self, _: DVec3, _: f64) {}
 
     fn advance(
         &self,

@@ -425,7 +425,8 @@ impl Stage {
         let mut points = vec![];
         while points.len() < count {
             let [x, y]: [f64; 2] = random.random();
-            let mut end = tracer.trace_primary(x, y);
+            let first = tracer.trace_primary(x, y);
+            let mut end = first.map_or(End::Sky(1.), End::Hit);
             while let End::Hit(hit) = end {
                 points.push((hit.point, hit.normal));
                 let u = [random.random(), random.random()];

@@ -18,11 +18,11 @@ fn found(place: &Scratch, line: &str) -> (Vec<f64>, String) {
     let mesh = read_obj(&[line.as_bytes(), names, face].concat()).unwrap();
     let folder = place.path("");
     let (albedos, told) =
-        match libraries(&mesh.marks, ("s.obj", &folder), None) {
+        match libraries(&mesh.marks, ("s.obj", &folder), (None, false)) {
             Ok((all, told)) => {
                 let told = told.iter().map(|warning| warning.to_string());
                 let told: Vec<_> = told.collect();
-                (all.into_values().collect(), told.join("\n"))
+                (all.albedos.into_values().collect(), told.join("\n"))
             }
             Err(error) => (vec![], error.to_string()),
         };

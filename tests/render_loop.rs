@@ -25,7 +25,7 @@ impl<F: Fn(f64) -> f64 + Sync> Integrator for Draw<F> {
     /// The rays so far.
     type Path = u32;
 
-    fn begin(&self, _: DVec3) -> u32 {
+    fn begin(&self, _: DVec3, _: f64) -> u32 {
         0
     }
 

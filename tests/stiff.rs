@@ -16,7 +16,7 @@ fn path(
     let integrator = PathTracer::new(Surfaces::of(rho), Sky::new(DVec3::Z));
     let wall = Hit { point: DVec3::ZERO, normal: DVec3::Z, primitive: 0 };
     let mut sampler = IndependentSampler::new(1).start(0, n);
-    let mut path = integrator.begin(DVec3::Z);
+    let mut path = integrator.begin(DVec3::Z, 1.);
     let mut rays = 1;
     loop {
         let hit = (rays == 1 || !leaves(rays - 1)).then_some(wall);

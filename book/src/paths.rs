@@ -24,7 +24,7 @@ pub fn record<K: Intersector>(
         let mut sampler = IndependentSampler::new(seed).start(0, n);
         let [x, y] = sampler.get_2d(0);
         let direction = camera.direction(x, y);
-        let mut path = integrator.begin(direction);
+        let mut path = integrator.begin(direction, 1.);
         let mut next = entrance.enter(direction);
         let mut from = None;
         while let Some(ray) = next {

@@ -38,8 +38,8 @@ struct Limited {
 impl Integrator for Limited {
     type Path = (PathState, u64);
 
-    fn begin(&self, direction: DVec3) -> Self::Path {
-        (self.tracer.begin(direction), 0)
+    fn begin(&self, direction: DVec3, throughput: f64) -> Self::Path {
+        (self.tracer.begin(direction, throughput), 0)
     }
 
     fn advance(

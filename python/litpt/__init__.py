@@ -144,22 +144,39 @@ class Scene:
         The direction to the sun, or its azimuth, from +y towards +x where z is
         up, and its altitude, in degrees; needed by skies that are brighter
         around it.
-    ground_glow
+        ground_glow
         The albedo of a ground in the open that is seen below the horizon where
         nothing else is.
+    direct
+        The irradiance that the sun adds on a surface that faces it, if the sky
+        alone gives 1 to a horizontal one; needs `sun`.
+    glass
+        A dictionary by material, group or object: the transmittance of a clear
+        pane for light that falls on it straight; or "materials" for all that
+        are transparent in the file.
+    transmit
+        A dictionary by material, group or object: the parts of the light that
+        a thin sheet reflects and transmits, both diffusely.
 
     What is wrong is a ValueError, IndexError or OSError, which names it.
     """
 
     def __init__(self, mesh, albedo=None, sky="uniform", ground=None,
-                 zenith=(0, 0, 1), sun=None, ground_glow=None):
+                 zenith=(0, 0, 1), sun=None, ground_glow=None, direct=None,
+                 glass=None, transmit=None):
         is_file, each = isinstance(mesh, (str, bytes, os.PathLike)), None
         words = [os.fsdecode(mesh) if is_file else "mesh"]
         if words[0].startswith("-"):
             words = [os.path.join(".", words[0])]
         mesh = None if is_file else (*_arrays.mesh(mesh), None)
         words += _words(sky=sky, ground=ground, zenith=zenith, sun=sun,
-                        ground_glow=ground_glow)
+                        ground_glow=ground_glow, direct=direct)
+        for option, given in ("glass", glass), ("transmit", transmit):
+            if isinstance(given, Mapping):
+                words += [f"--{option}={name}={_text(option, value)}"
+                          for name, value in given.items()]
+            else:
+                words += _words(**{option: given})
         if isinstance(albedo, Mapping):
             for name, number in albedo.items():
                 name = "" if name is None else f"{name}="

@@ -185,7 +185,7 @@ impl<const N: usize> Arrival<'_, N> {
     /// meets, and apart from the others.
     fn is_safe(&self, shear: &Shear, point: DVec3) -> bool {
         let asked = |leaf: &Leaf, place, corners: &Triangle, size| {
-            let (lane, _) = place;
+            let (lane, slot) = place;
             let &[a, b, c] = corners;
             let clear = clear(size);
             let normal = cross(b - a, c - a);
@@ -195,7 +195,9 @@ impl<const N: usize> Arrival<'_, N> {
             if height >= limit {
                 return false;
             }
-            let ahead = side * normal.dot(self.ray.origin - a) > 0.;
+            let is_left = Some(slot) == self.left;
+            let ahead =
+                !is_left && side * normal.dot(self.ray.origin - a) > 0.;
             match leaf.test(lane, shear, size) {
                 TriangleTest::Through(at) if ahead && !at.is_nan() => true,
                 _ => {

@@ -23,6 +23,7 @@ use crate::compare::display::Exposure;
 use crate::film::{Window, parse_size};
 use crate::image::Format;
 use crate::materials::Band;
+use crate::materials::glass::Bsdf;
 use crate::scene::encoding::shortened;
 use crate::sensor::Side;
 use crate::sky::{Cover, Sun};
@@ -79,6 +80,19 @@ pub struct SceneOptions {
     #[arg(long, value_name = "BAND", hide_possible_values = true)]
     pub band: Option<Band>,
 
+    /// Make a material, group or object clear glass, of this transmittance for
+    /// light that falls on it straight, as in window=0.88: light goes on behind
+    /// it, weakened as its angle tells, and what the glass reflects is left out;
+    /// with materials in place of NAME=TAU, all materials whose d or Tr says that
+    /// they are transparent, coloured by Tf; may be repeated
+    #[arg(long, value_name = "NAME=TAU|materials", value_parser = parse_glass)]
+    pub glass: Vec<(String, Option<f64>)>,
+
+    /// Make a material, group or object a thin sheet that reflects the part RHO
+    /// of the light and transmits the part TAU, both diffusely; may be repeated
+    #[arg(long, value_name = "NAME=RHO,TAU", value_parser = parse_transmitter)]
+    pub transmit: Vec<(String, Bsdf)>,
+
     /// Sky: uniform; overcast, three times as bright at the zenith as at the
     /// horizon; cie:1 to cie:16, the types of ISO 15469; perez:E,D, of a clearness
     /// E and a brightness D; or sphere, uniform and below the horizon too, as for
@@ -92,6 +106,12 @@ pub struct SceneOptions {
     /// around it
     #[arg(long, value_name = "X,Y,Z|AZIMUTH,ALTITUDE", value_parser = parse_sun)]
     pub sun: Option<Sun>,
+
+    /// Irradiance that the sun itself adds on a surface that faces it, if the
+    /// sky alone gives 1 to a horizontal one in the open; needs --sun; no camera
+    /// sees the disc of the sun, 0.533 degrees wide
+    #[arg(long, value_name = "E", value_parser = parse_real)]
+    pub direct: Option<f64>,
 
     /// Direction to the middle of the sky [default: the axis nearest to -u]
     #[arg(long, value_name = "X,Y,Z|x|y|z", value_parser = parse_direction)]

@@ -15,6 +15,7 @@ use crate::error;
 use crate::film::ErrorNorm;
 use crate::image::Format;
 use crate::key::Part;
+use crate::materials::glass::Bsdf;
 use crate::matrix::MatrixFormat;
 use crate::output::{descriptor, format_of, refuse_aliases};
 use crate::plan::{Budget, Outputs, Plan, Product, SensorPlan};
@@ -102,12 +103,27 @@ impl Options {
             change.set("albedo", &mut surfaces.named, Some(named));
         }
         change.set("band", &mut surfaces.band, scene.band.map(Some));
-        let materials = scene.materials.then_some(Some(true));
+        if !scene.glass.is_empty() || !scene.transmit.is_empty() {
+            let panes = scene.glass.iter();
+            let panes = panes.filter_map(|(name, part)| {
+                Some((name.clone(), Bsdf::Glass((*part)?)))
+            });
+            let new = panes.chain(scene.transmit.iter().cloned()).collect();
+            let name =
+                if scene.glass.is_empty() { "transmit" } else { "glass" };
+            change.set(name, &mut surfaces.transmitting, Some(new));
+        }
+        let by_materials = scene.glass.iter().any(|(_, it)| it.is_none());
+        let glass = by_materials.then_some(true);
+        change.set("glass", &mut surfaces.glass, glass);
+        let reads = scene.materials || by_materials;
+        let materials = reads.then_some(Some(true));
         change.set("materials", &mut surfaces.materials, materials);
         // Set the sky and the up axis
         let sky = &mut plan.sky;
         change.set("sky", &mut sky.cover, scene.sky);
         change.set("sun", &mut sky.sun, scene.sun.map(Some));
+        change.set("direct", &mut sky.direct, scene.direct.map(Some));
         change.set("ground", &mut sky.ground, scene.ground.map(Some));
         let glow = scene.ground_glow.map(Some);
         change.set("ground-glow", &mut sky.ground_glow, glow);

@@ -11,6 +11,7 @@ use glam::DVec3;
 
 use crate::camera::Viewpoint;
 use crate::film::digits;
+use crate::materials::glass::Bsdf;
 use crate::render::choose::Method;
 use crate::sky::{Sun, parse_pair};
 
@@ -106,6 +107,27 @@ pub fn parse_share(text: &str) -> Result<f64, String> {
 pub fn parse_named_albedo(text: &str) -> Result<(String, f64), String> {
     let (name, albedo) = text.rsplit_once('=').unwrap_or(("", text));
     Ok((name.to_owned(), parse_albedo(albedo)?))
+}
+
+/// Parses the transmittance of what is named, or `materials`.
+pub fn parse_glass(text: &str) -> Result<(String, Option<f64>), String> {
+    match text.rsplit_once('=') {
+        Some((name, part)) if !name.is_empty() => {
+            Ok((name.to_owned(), Some(parse_share(part)?)))
+        }
+        None if text == "materials" => Ok((String::new(), None)),
+        _ => Err("expected NAME=TAU, or materials".to_owned()),
+    }
+}
+
+/// Parses the parts that what is named reflects and transmits.
+pub fn parse_transmitter(text: &str) -> Result<(String, Bsdf), String> {
+    let parts = text.rsplit_once('=').filter(|(name, _)| !name.is_empty());
+    let wanted = || "expected NAME=RHO,TAU".to_owned();
+    let (name, parts) = parts.ok_or_else(wanted)?;
+    let (back, on) = parts.split_once(',').ok_or_else(wanted)?;
+    let [back, on] = [back, on].map(|part| parse_share(part.trim()));
+    Ok((name.to_owned(), Bsdf::Transmitter([back?, on?])))
 }
 
 /// A parser of valid values; `expected` describes them in words.

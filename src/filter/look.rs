@@ -142,9 +142,11 @@ fn look(
     origin: DVec3,
     places: &[Option<Place>; BEAM],
 ) -> [Seen; BEAM] {
-    let starts = view.sensor.starts(bvh, places, view.resolution, false);
+    let (surfaces, size) = (&view.surfaces, view.resolution);
+    let starts = view.sensor.starts(bvh, surfaces, places, size, false);
     array::from_fn(|i| {
-        let sky = view.sky.seen(starts.directions[i]) as f32;
+        let sky = view.sky.seen(starts.directions[i]);
+        let sky = (starts.transmittances[i] * sky) as f32;
         let hit = starts.hits[i].as_ref();
         (hit.map(|hit| Fragment::new(origin, hit)), sky)
     })
@@ -162,8 +164,8 @@ pub fn surface_means(bvh: &Bvh, view: &LitView, film: &Film) -> Vec<f64> {
     let pixels = rows.flat_map_iter(|y| {
         let shown = (left..right).step_by(step).filter(move |&x| {
             let (x, y) = (centre(x, columns), centre(y, lines));
-            let (_, _, hit) = view.sensor.start(bvh, x, y);
-            hit.is_some_and(|hit| hit.primitive < GROUND)
+            let start = view.sensor.start(bvh, &view.surfaces, (x, y));
+            start.hit.is_some_and(|hit| hit.primitive < GROUND)
         });
         shown.map(move |x| film.pixel(x, y).mean())
     });

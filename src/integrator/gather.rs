@@ -18,6 +18,7 @@ pub mod cache;
 pub mod correction;
 pub mod guide;
 pub mod render;
+pub mod sunlight;
 pub mod training;
 
 use std::array;
@@ -31,9 +32,10 @@ use crate::bvh::{BEAM, Bvh, Hit, Intersector};
 use crate::film::{ErrorNorm, Samples, Tile, Window};
 use crate::film::{Fragments, Gathered, TileFragments};
 use crate::integrator::Communicator;
+
 use crate::sampler::sobol::{ScrambledNet, scramble_key};
 use crate::sampler::{generator, to_unit};
-use crate::scene::Ray;
+
 use crate::sensor::Starts;
 use cache::{Cell, RadianceCache, UNSEEN};
 use guide::{Guide, bin, direction};
@@ -130,7 +132,8 @@ pub enum End {
 
 /// A ray from a surface.
 pub struct GatherRay {
-    /// One over the density of its direction on the square.
+    /// One over the density of its direction on the square, times what
+    /// panes transmit.
     pub weight: f64,
     /// The bin of its direction.
     pub bin: usize,
@@ -204,7 +207,7 @@ impl Default for Correction {
 pub struct Sample {
     /// The first hit of the path.
     pub hit: Hit,
-    /// The albedo there.
+    /// The albedo there, times what panes before it transmit.
     pub albedo: f64,
     /// The pixel in its tile.
     pub pixel: u32,
@@ -218,6 +221,8 @@ pub struct Sample {
     pub weight: f64,
     /// The hit of the gather, if there is one, and a cell around it.
     pub end: Option<(Hit, Cell)>,
+    /// The light of the sun that it reflects.
+    pub sunlight: f64,
     /// The point of the square from which the gather is drawn.
     pub u: [u32; 2],
 }
@@ -249,34 +254,42 @@ impl<K: Intersector> Tracer<'_, K> {
             }
         };
         let direction = direction(x.normal, point);
-        let ray = Ray { origin: x.point, direction };
-        self.rays += 1;
-        let hit = self.intersector.first_hit(&ray, Some(x.primitive));
+        let (hit, transmittance) = self.first_hit(x, direction);
+        let weight = weight * transmittance;
         let sky = || End::Sky(self.gather.view.sky.radiance(direction));
         GatherRay { weight, bin, end: hit.map_or_else(sky, End::Hit) }
+    }
+
+    /// The cell of a hit, for a surface of the largest albedo.
+    #[inline]
+    pub fn cell_at(&self, hit: &Hit) -> Cell {
+        *self.cache.at(self.cache.grid.name(hit.point, hit.normal))
     }
 
     /// One of the four cells around a hit, at random, with value and error of a
     /// surface that has the albedo of the hit: `u` is uniform over the square.
     #[inline]
     pub fn cell_around(&self, hit: &Hit, u: [f64; 2]) -> Cell {
-        let grid = &self.cache.grid;
-        let cell =
-            *self.cache.at(grid.name_around(hit.point, hit.normal, u));
-        cell.scaled(
-            self.gather.view.surfaces.relative_albedo(hit.primitive) as f32,
-        )
+        let surfaces = &self.gather.view.surfaces;
+        let cell = *self.cache.at(self.name_around(hit, u));
+        cell.scaled(surfaces.relative_albedo(hit.primitive) as f32)
     }
 
-    /// The beginning of a sample at (`x`, `y`) of the image: a first hit, or
-    /// the radiance of the sky behind it.
+    /// The name of that cell.
     #[inline]
-    pub fn trace_primary(&mut self, x: f64, y: f64) -> End {
-        let LitView { sensor, sky, .. } = &self.gather.view;
-        let (direction, ray, hit) = sensor.start(self.intersector, x, y);
-        self.rays += u64::from(ray.is_some());
-        let sky = || End::Sky(sky.radiance(direction));
-        hit.map_or_else(sky, End::Hit)
+    pub fn name_around(&self, hit: &Hit, [mut u, v]: [f64; 2]) -> u64 {
+        let side = self.gather.view.surfaces.lit_side(hit, &mut u);
+        let grid = &self.cache.grid;
+        grid.name_around(hit.point, side.normal, [u, v])
+    }
+
+    /// The first hit of a sample at (`x`, `y`) of the image, if it has one.
+    #[inline]
+    pub fn trace_primary(&mut self, x: f64, y: f64) -> Option<Hit> {
+        let LitView { sensor, surfaces, .. } = &self.gather.view;
+        let start = sensor.start(self.intersector, surfaces, (x, y));
+        self.rays += start.rays;
+        start.hit
     }
 
     /// The samples of a tile that gather; the others show the sky.
@@ -307,21 +320,25 @@ impl<K: Intersector> Tracer<'_, K> {
         for batch in looks.chunks(BEAM) {
             let places = array::from_fn(|i| Some(batch.get(i)?.0));
             let (intersector, size) = (self.intersector, view.resolution);
-            let Starts { directions, hits, rays } =
-                view.sensor.starts(intersector, &places, size, is_sky);
+            let (sensor, surfaces) = (view.sensor, &view.surfaces);
+            let Starts { directions, hits, transmittances, rays } =
+                sensor.starts(intersector, surfaces, &places, size, is_sky);
             self.rays += rays;
-            let ends = directions.into_iter().zip(hits);
-            for (&look, (direction, hit)) in batch.iter().zip(ends) {
+            for (i, &look) in batch.iter().enumerate() {
+                let (direction, hit) = (directions[i], hits[i]);
                 // Start a sample or show the sky
-                let (_, (pixel, number), scale, u) = look;
+                let (_, (pixel, number), scale, mut u) = look;
                 let Some(hit) = hit else {
-                    sums[pixel as usize] += view.sky.seen(direction);
+                    let radiance = view.sky.seen(direction);
+                    sums[pixel as usize] += transmittances[i] * radiance;
                     continue;
                 };
-                let albedo = view.surfaces.albedo(hit.primitive);
-                let (weight, end) = (1., None);
+                let albedo =
+                    transmittances[i] * surfaces.albedo(hit.primitive);
+                let (weight, end, sunlight) = (1., None, 0.);
                 let fragment =
                     fragments.and_then(|it| it.place(pixel, &hit));
+                let hit = self.lit_side(&hit, &mut u);
                 samples.push(Sample {
                     hit,
                     albedo,
@@ -331,6 +348,7 @@ impl<K: Intersector> Tracer<'_, K> {
                     scale,
                     weight,
                     end,
+                    sunlight,
                     u,
                 });
             }
@@ -365,9 +383,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut samples = self.begin(tile, scramble, &mut sums, fragments);
         // Trace the gather rays of all samples
         let cache = self.cache;
-        let cell = |Sample { hit, .. }: &Sample| {
-            *cache.at(cache.grid.name(hit.point, hit.normal))
-        };
+        let cell = |sample: &Sample| self.cell_at(&sample.hit);
         let cells: Vec<Cell> = samples.iter().map(cell).collect();
         let mut parts = vec![[0.; 2]; samples.len()];
         for ((sample, cell), [gathered, _]) in
@@ -388,6 +404,17 @@ impl<K: Intersector> Tracer<'_, K> {
                 End::Hit(hit) => sample.end = Some((hit, UNSEEN)),
             }
         }
+        // Add the light of the sun
+        if self.gather.view.sky.beam.is_some() {
+            for (sample, [gathered, _]) in
+                samples.iter_mut().zip(&mut parts)
+            {
+                let light = self.sunlight(&sample.hit, &mut random);
+                sample.sunlight = sample.albedo * light;
+                sums[sample.pixel as usize] += sample.sunlight;
+                *gathered += sample.sunlight;
+            }
+        }
         // Look up the cells that the rays have met
         for (Sample { albedo, pixel, weight, end, .. }, [gathered, _]) in
             samples.iter_mut().zip(&mut parts)
@@ -397,7 +424,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 *cell = self.cell_around(hit, u);
                 let radiance = *albedo * *weight * f64::from(cell.value);
                 sums[*pixel as usize] += radiance;
-                *gathered = radiance;
+                *gathered += radiance;
             }
         }
         let mut corrections = sums.clone();

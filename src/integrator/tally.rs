@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use super::{Integrator, PathEvent, PathState, PathTracer};
 use crate::bvh::{Bvh, Hit};
+use crate::materials::Surfaces;
 use crate::sampler::Sampler;
 use crate::tally::{Columns, Tally};
 
@@ -28,8 +29,12 @@ impl Integrator for TallyTracer<'_> {
     type Path = (PathState, f64);
 
     #[inline(always)]
-    fn begin(&self, direction: DVec3) -> Self::Path {
-        (self.paths.begin(direction), 0.)
+    fn begin(&self, direction: DVec3, throughput: f64) -> Self::Path {
+        (self.paths.begin(direction, throughput), 0.)
+    }
+
+    fn surfaces(&self) -> Surfaces<'_> {
+        self.paths.surfaces
     }
 
     #[inline(always)]

@@ -86,6 +86,8 @@ pub struct SampleTrace {
     pub value: f64,
     /// The part of it that the control variate adds.
     pub control: f64,
+    /// The part of it that the sun adds.
+    pub sunlight: f64,
     /// For a gather, the scramble to which it belongs.
     pub scramble: Option<Scramble>,
 }
@@ -152,17 +154,20 @@ impl<K: Intersector, S: Sampler> Job<'_, K, PathTracer<'_>, S> {
         let mut places = [None; BEAM];
         places[0] = Some(((x, y), sampler.get_pixel_2d()));
         let sees_sky = content == TileContent::Sky;
-        let Starts { directions, hits, .. } =
-            sensor.starts(*intersector, &places, resolution, sees_sky);
+        let surfaces = &integrator.surfaces;
+        let (scene, size) = (*intersector, resolution);
+        let Starts { directions, hits, transmittances, .. } =
+            sensor.starts(scene, surfaces, &places, size, sees_sky);
         trace.direction = directions[0];
-        let (mut path, mut hit) =
-            (integrator.begin(directions[0]), hits[0]);
+        let mut path = integrator.begin(directions[0], transmittances[0]);
+        let mut hit = hits[0];
         loop {
             // Record one step of a path
             let is_weak = path.throughput < ROULETTE_THRESHOLD;
+            let is_shadow = path.shadow.is_some();
             let event = integrator.advance(&mut path, hit, &mut sampler);
             let throughput = path.throughput;
-            let vertex = hit.map(|hit| {
+            let vertex = hit.filter(|_| !is_shadow).map(|hit| {
                 let albedo = integrator.surfaces.albedo(hit.primitive);
                 Vertex { hit, albedo, throughput }
             });
@@ -173,6 +178,7 @@ impl<K: Intersector, S: Sampler> Job<'_, K, PathTracer<'_>, S> {
                 }
                 PathEvent::Terminate(value) => {
                     (trace.value, trace.control) = (value, path.variate);
+                    trace.sunlight = path.sunlight;
                     trace.ending = match vertex {
                         None => Ending::Sky,
                         Some(vertex) if vertex.albedo == 0. => {
@@ -221,16 +227,18 @@ fn trace_gather(
     let key = scramble_key(seed, i, scramble);
     let [u, v] = allocation.net.pair(key, number, 0);
     let (u, v) = (within(x, size.0, u), within(y, size.1, v));
-    trace.direction = view.sensor.start(intersector, u, v).0;
+    let start = view.sensor.start(intersector, &view.surfaces, (u, v));
+    trace.direction = start.direction;
     let mut samples = samples.into_iter();
     let found = samples.find(|s| (s.pixel, s.number) == (place, number));
     let Some(sample) = found else {
         trace.ending = Ending::Sky;
-        trace.value = view.sky.seen(trace.direction);
+        trace.value = start.transmittance * view.sky.seen(trace.direction);
         return trace;
     };
     // Follow the sample to its end
-    let gather::Sample { hit, albedo, weight, u, end, .. } = sample;
+    let gather::Sample { hit, albedo, weight, u, end, sunlight, .. } =
+        sample;
     let throughput = albedo * weight;
     trace.vertices.push(Vertex { hit, albedo, throughput });
     let guide =
@@ -249,6 +257,8 @@ fn trace_gather(
         }
         _ => unreachable!("the ray meets what it has met"),
     };
+    trace.value += sunlight;
+    trace.sunlight = sunlight;
     trace
 }
 
@@ -274,10 +284,14 @@ impl SampleTrace {
             );
         }
         // Print the ending and the value
-        let Self { ending, value, control, .. } = self;
+        let Self { ending, value, control, sunlight, .. } = self;
         text += &format!("end        {ending}\n");
         if *control != 0. {
             text += &format!("control    {control}, which the value has\n");
+        }
+        if *sunlight != 0. {
+            text +=
+                &format!("sun        {sunlight}, which the value has\n");
         }
         text += &format!("value      {value}\n");
         if let Some(whole) = self.scramble {

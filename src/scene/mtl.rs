@@ -17,11 +17,44 @@ use crate::error::{Diagnostic, Result};
 pub struct Library {
     /// The first `Kd` of each, in red, green and blue, from 0 to 1.
     pub diffuse: BTreeMap<String, [f64; 3]>,
+    /// What is known of each that may be a pane, if panes are wanted.
+    pub panes: Option<BTreeMap<String, Clear>>,
     /// For each kind of property that is not rendered, a message about the
     /// first statement, and their number.
     pub ignored: BTreeMap<&'static str, (Diagnostic, usize)>,
     /// Other messages.
     pub warnings: Vec<Diagnostic>,
+}
+
+/// How a material lets light through.
+#[derive(Clone, Copy, Default)]
+pub struct Clear {
+    /// The part that `d` or `Tr` lets through.
+    pub part: Option<f64>,
+    /// The colour that `Tf` gives it.
+    pub filter: Option<[f64; 3]>,
+}
+
+impl Clear {
+    /// Notes a statement; returns whether it is about transparency, and made
+    /// of numbers from 0 to 1.
+    fn note(&mut self, line: &[u8]) -> bool {
+        let word = String::from_utf8_lossy(name(line)).to_ascii_lowercase();
+        let text = rest(said(line));
+        let numbers = text.split_whitespace().map(str::parse);
+        let numbers: Result<Vec<f64>, _> = numbers.collect();
+        let is_part = |x: &f64| (0. ..=1.).contains(x);
+        let numbers = numbers.ok().filter(|n| n.iter().all(is_part));
+        match (&word[..], numbers.as_deref()) {
+            ("d", Some(&[x])) => self.part.get_or_insert(1. - x),
+            ("tr", Some(&[x])) => self.part.get_or_insert(x),
+            ("tf", Some(&[r, g, b])) => {
+                &mut self.filter.get_or_insert([r, g, b])[0]
+            }
+            _ => return false,
+        };
+        true
+    }
 }
 
 /// Reads a library, called `file`, for the materials that a scene uses.
@@ -45,6 +78,11 @@ pub fn read_mtl(
             material = rest(line);
         } else if used.contains(&material[..]) {
             // Read a statement of a material
+            if let Some(panes) = &mut library.panes
+                && panes.entry(material.clone()).or_default().note(line)
+            {
+                continue;
+            }
             let kd = library.diffuse.entry(material.clone());
             let judged = judge(line, kd);
             let judged = judged.map_err(|what| at(text, line, what))?;

@@ -188,7 +188,7 @@ fn open_browser(address: &str) {
 type Settings = BTreeMap<String, String>;
 
 /// The options that a page sets, and their long names.
-const SETTINGS: [(&str, &str); 12] = [
+const SETTINGS: [(&str, &str); 13] = [
     ("-p", "--position"),
     ("-t", "--target"),
     ("-u", "--up"),
@@ -198,6 +198,7 @@ const SETTINGS: [(&str, &str); 12] = [
     ("--view", "--view"),
     ("--sky", "--sky"),
     ("--sun", "--sun"),
+    ("--direct", "--direct"),
     ("--zenith", "--zenith"),
     ("--ground", "--ground"),
     ("--error", "--error"),
@@ -744,7 +745,8 @@ impl Viewer {
         let (_, world) = scene.as_ref()?;
         let [x, y] =
             ["x", "y"].map(|name| body[name].as_f64().unwrap_or(0.));
-        let hit = world.sensor.start(&world.geometry.bvh, x, y).2?;
+        let (bvh, view) = (&world.geometry.bvh, world.view());
+        let hit = world.sensor.start(bvh, &view.surfaces, (x, y)).hit?;
         let is_face = hit.primitive < GROUND;
         let face =
             is_face.then(|| world.geometry.bvh.face(hit.primitive) + 1);

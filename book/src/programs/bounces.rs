@@ -145,8 +145,10 @@ pub fn follow(setting: &Setting, pixel: u32, n: u64) -> (usize, f64) {
     let [x, y] = sampler.get_pixel_2d();
     let x = within(pixel % width, width, x);
     let y = within(pixel / width, height, y);
-    let (direction, _, mut hit) = sensor.start(intersector, x, y);
-    let mut path = integrator.begin(direction);
+    let surfaces = &integrator.surfaces;
+    let start = sensor.start(intersector, surfaces, (x, y));
+    let (direction, mut hit) = (start.direction, start.hit);
+    let mut path = integrator.begin(direction, 1.);
     let mut bounces = 0;
     loop {
         match integrator.advance(&mut path, hit, &mut sampler) {

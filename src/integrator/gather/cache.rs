@@ -131,12 +131,15 @@ pub struct Record {
     pub to: u64,
     /// The weight of the direction: one over its density on the square.
     pub weight: f32,
-    /// The bin of the direction.
+    /// The bin of the direction, or [`SUN`].
     pub bin: u16,
     /// The albedo where the ray arrived, as a part of the largest, in units
     /// of 1 / [`WHOLE`].
     pub relative_albedo: u16,
 }
+
+/// The bin of the light of the sun, to which no ray is guided.
+pub const SUN: u16 = u16::MAX;
 
 /// Units of a relative albedo of 1.
 pub const WHOLE: u16 = 1 << 15;
@@ -487,7 +490,8 @@ impl Equations<'_> {
             }
             // Average the squares in each bin
             let (mut sums, mut counts) = ([0f32; BINS], [0f32; BINS]);
-            for i in cells.records[c].clone() {
+            let guided = |i: &usize| self.records[*i].bin != SUN;
+            for i in cells.records[c].clone().filter(guided) {
                 let bin = usize::from(self.records[i].bin);
                 sums[bin] += self.arriving(values, i).powi(2);
                 counts[bin] += 1.;

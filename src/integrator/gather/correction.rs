@@ -125,36 +125,48 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         }
     }
 
-    /// Whether the ray from `x` in this direction meets the triangle of `y`.
-    fn sees(&mut self, x: &Hit, y: &Hit, direction: DVec3) -> bool {
+    /// The part of the light from `y` that arrives at `x` from this direction:
+    /// 0 if another triangle is in the way, unless that is a pane.
+    fn visibility(&mut self, x: &Hit, y: &Hit, direction: DVec3) -> f64 {
         if x.primitive == y.primitive {
-            return false;
+            return 0.;
         }
-        self.tracer.rays += 1;
+        let (tracer, from) = (&mut *self.tracer, Some(x.primitive));
+        if tracer.gather.view.surfaces.transmits {
+            let (hit, transmittance) = tracer.first_hit(x, direction);
+            let met = hit.map(|hit| hit.primitive);
+            let seen = met == Some(y.primitive);
+            return if seen { transmittance } else { 0. };
+        }
+        tracer.rays += 1;
         let ray = Ray { origin: x.point, direction };
-        let from = Some(x.primitive);
-        self.tracer.intersector.is_visible(&ray, from, y.primitive)
+        let seen = tracer.intersector.is_visible(&ray, from, y.primitive);
+        f64::from(seen)
     }
 
     /// The density with which cosine sampling at `x` finds `y`, per unit of
-    /// area around `y`; zero if one faces away, or if `x` does not see `y`, which
-    /// is not tested if it `is_seen`.
+    /// area around `y`, times what panes transmit; zero if one faces away, or if
+    /// `x` does not see `y`, which is not tested if it `is_seen`.
     fn form_factor(&mut self, x: &Hit, y: &Hit, is_seen: bool) -> f64 {
         let to = y.point - x.point;
         let square = to.length_squared();
         let (here, there) = (x.normal.dot(to), -y.normal.dot(to));
         let factor = here * there / (PI * square * square);
-        let seen = here > 0.
-            && factor > 0.
-            && (is_seen || self.sees(x, y, to / square.sqrt()));
-        if seen { factor } else { 0. }
+        let faces = here > 0. && factor > 0.;
+        let clear = !self.tracer.gather.view.surfaces.transmits;
+        match (faces, is_seen && clear) {
+            (false, _) => 0.,
+            (_, true) => factor,
+            _ => factor * self.visibility(x, y, to / square.sqrt()),
+        }
     }
 
     /// An unbiased estimate of the radiance at `x`.
     fn radiance(&mut self, x: &Hit, cell: &Cell) -> f64 {
         let (mut ends, mut others) = (vec![], vec![]);
         let Correction { gathers, paths, .. } = self.correction;
-        let mut sum = self.gather_at(x, cell, [gathers, paths], &mut ends);
+        let mut sum = self.tracer.sunlight_of(x, self.random);
+        sum += self.gather_at(x, cell, [gathers, paths], &mut ends);
         for Candidate { hit, cell, weight, .. } in ends {
             sum += weight * self.error_at(hit, cell, &mut others);
         }
@@ -177,9 +189,18 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         ends.clear();
         // Trace the rays that gather
         for n in 0..rays {
-            let u = net.pair(key, n, 0);
-            let ray =
-                tracer.trace_gather_ray(x, tracer.cache.guide(cell), u);
+            let mut u = net.pair(key, n, 0);
+            let side = tracer.lit_side(x, &mut u);
+            let cell = if side.normal == x.normal {
+                *cell
+            } else {
+                tracer.cell_at(&side)
+            };
+            let ray = tracer.trace_gather_ray(
+                &side,
+                tracer.cache.guide(&cell),
+                u,
+            );
             let weight = ray.weight / f64::from(rays);
             let (cell, importance) = (UNSEEN, 0.);
             match ray.end {
@@ -223,7 +244,8 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         let (mut throughput, mut error) = (1., 0.);
         for bounce in 0.. {
             error -= throughput * f64::from(cell.value);
-            let sum = self.gather_at(&y, &cell, counts, ends);
+            let mut sum = self.tracer.sunlight_of(&y, self.random);
+            sum += self.gather_at(&y, &cell, counts, ends);
             let albedo =
                 self.tracer.gather.view.surfaces.albedo(y.primitive);
             error += throughput * albedo * sum;

@@ -12,7 +12,7 @@ use glam::DVec3;
 use rand::RngExt;
 use rayon::prelude::*;
 
-use super::cache::{Grid, RadianceCache, Record, WHOLE, in_sky};
+use super::cache::{Grid, RadianceCache, Record, SUN, WHOLE, in_sky};
 use super::{Allocation, End, Gather, GatherRay, TileSamples, Tracer};
 use crate::bvh::{Hit, Intersector};
 use crate::film::add_samples;
@@ -43,19 +43,24 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut random = generator(self.gather.seed, TRAINING, piece);
         let mut records = Vec::with_capacity(rays as usize);
         let (grid, surfaces) = (self.cache.grid, self.gather.view.surfaces);
+        let has_sun = self.gather.view.sky.beam.is_some();
+        let share = if has_sun { 2. } else { 1. };
         let (mut paths, mut reported) = (0, 0);
         while paths + self.rays < rays && watch(self.rays - reported) {
             reported = self.rays;
             // Start some paths
             let begun = (0..BATCH).filter_map(|_| {
-                match self.trace_primary(random.random(), random.random()) {
-                    End::Hit(hit) => Some(hit),
-                    End::Sky(_) => None,
-                }
+                self.trace_primary(random.random(), random.random())
             });
             let mut hits: Vec<_> = begun.collect();
             paths += BATCH;
             for _ in 0..REFLECTIONS {
+                // Choose the sides of transmitters
+                if surfaces.transmits {
+                    for y in &mut hits {
+                        *y = surfaces.lit_side(y, &mut random.random());
+                    }
+                }
                 // Look up the cells of all hits
                 let look_up = |y: &Hit| {
                     let from = grid.name(y.point, y.normal);
@@ -64,6 +69,17 @@ impl<K: Intersector> Tracer<'_, K> {
                 let cells: Vec<_> = hits.iter().map(look_up).collect();
                 for (y, (from, cell)) in take(&mut hits).iter().zip(cells) {
                     visit(y.point);
+                    // Record the light of the sun
+                    if has_sun {
+                        let light = self.sunlight(y, &mut random);
+                        records.push(Record {
+                            from,
+                            to: in_sky(light),
+                            weight: 2.,
+                            bin: SUN,
+                            relative_albedo: WHOLE,
+                        });
+                    }
                     // Record a reflection on the way
                     let u = [random.random(), random.random()];
                     let GatherRay { weight, bin, end } = self
@@ -73,12 +89,12 @@ impl<K: Intersector> Tracer<'_, K> {
                         End::Hit(hit) => {
                             hits.push(hit);
                             let u = [random.random(), random.random()];
-                            let to =
-                                grid.name_around(hit.point, hit.normal, u);
+                            let to = self.name_around(&hit, u);
                             (to, surfaces.relative_albedo(hit.primitive))
                         }
                     };
-                    let (weight, bin) = (weight as f32, bin as u16);
+                    let (weight, bin) =
+                        ((share * weight) as f32, bin as u16);
                     let relative_albedo =
                         (relative_albedo * f64::from(WHOLE)).round() as u16;
                     records.push(Record {

@@ -16,6 +16,7 @@ use crate::bvh::{Dispatch, Intersector};
 use crate::film::Window;
 use crate::integrator::{Integrator, PathEvent, PathTracer};
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
+use crate::sensor::Start;
 
 /// Means over pixels of an image, estimated from a few paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -105,7 +106,7 @@ impl Trial<'_> {
             later,
             sky_variance: 0.5 * variate * variate,
             covariance: 0.25 * (one - c.value - d.value) * variate,
-            rays: mean(|path| path.rays as f64),
+            rays: mean(|path| (path.rays + path.shadow_rays) as f64),
             first_rays: mean(|path| path.rays.min(2) as f64),
             indirect: mean(|path| f64::from(path.rays > 2)),
         }
@@ -126,13 +127,14 @@ impl Trial<'_> {
         let mut sampler = number(0);
         let [u, v] = sampler.get_pixel_2d();
         let at = (within(x, resolution.0, u), within(y, resolution.1, v));
-        let (direction, _, hit) = sensor.start(intersector, at.0, at.1);
+        let Start { direction, hit, transmittance, .. } =
+            sensor.start(intersector, &surfaces, at);
         // Reflect at the first surface
-        let mut path = integrator.begin(direction);
+        let mut path = integrator.begin(direction, transmittance);
         let event = integrator.advance(&mut path, hit, &mut sampler);
         let variate = match (hit, event) {
-            (Some(hit), PathEvent::Scatter(ray, _)) => {
-                integrator.control_variate(&hit, ray.direction)
+            (Some(hit), PathEvent::Scatter(..)) => {
+                integrator.control_variate(&hit, path.direction)
             }
             _ => 0.,
         };
@@ -141,14 +143,18 @@ impl Trial<'_> {
             let (mut path, mut event, mut sampler) =
                 (path, event, number(k));
             let mut rays = u64::from(hit.is_some());
+            let mut shadow_rays = 0;
             loop {
                 let (ray, from) = match event {
                     PathEvent::Terminate(value) => {
-                        return Path { value, rays, variate };
+                        return Path { value, rays, shadow_rays, variate };
                     }
                     PathEvent::Scatter(ray, from) => (ray, from),
                 };
-                rays += 1;
+                match path.shadow {
+                    Some(_) => shadow_rays += 1,
+                    None => rays += 1,
+                }
                 let hit = intersector.first_hit(&ray, Some(from));
                 event = integrator.advance(&mut path, hit, &mut sampler);
             }
@@ -160,7 +166,9 @@ impl Trial<'_> {
 #[derive(Clone, Copy)]
 struct Path {
     value: f64,
+    /// Its rays, without those to the sun.
     rays: u64,
+    shadow_rays: u64,
     /// The control variate of its first reflection.
     variate: f64,
 }
