@@ -23,6 +23,7 @@ mod extremes;
 mod film;
 mod formats;
 mod gather;
+mod glass;
 mod identity;
 mod layers;
 mod leaks;
