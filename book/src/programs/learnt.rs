@@ -14,6 +14,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
+use litpt::analysis::LitView;
 use litpt::bvh::{Bvh, Hit};
 use litpt::film::{Film, Window};
 use litpt::integrator::gather::Gather;
@@ -107,7 +108,7 @@ fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
     let mut out = String::new();
     compare(figures, prototype, &mut out)?;
     let end = Tracer { ..*prototype }.trace_primary(PLACE[0], PLACE[1]);
-    let End::Hit(place) = end else {
+    let Some(place) = end else {
         return Err("no surface there".into());
     };
     let name = cache.grid.name(place.point, place.normal);
@@ -174,9 +175,14 @@ fn compare(
         let x = (f64::from(i % width) + 0.5) / f64::from(width);
         let y = (f64::from(i / width) + 0.5) / f64::from(height);
         let mut tracer = Tracer { ..*prototype };
-        match tracer.trace_primary(x, y) {
-            End::Sky(radiance) => [radiance, radiance, 0., 0.],
-            End::Hit(hit) => {
+        let LitView { sensor, sky, surfaces, .. } = prototype.gather.view;
+        let start = sensor.start(prototype.intersector, &surfaces, (x, y));
+        match start.hit {
+            None => {
+                let radiance = sky.radiance(start.direction);
+                [radiance, radiance, 0., 0.]
+            }
+            Some(hit) => {
                 let name = prototype.cache.grid.name(hit.point, hit.normal);
                 let cell = prototype.cache.at(name);
                 let stream = u64::from(i);
