@@ -338,4 +338,23 @@ by("render").addEventListener("click", () => {
   post(state.render?.runs ? "stop" : "render", asked());
 });
 
+async function passDay() {
+  const turn = (by("day").value - 12) * Math.PI / 12;
+  const [east, cosine] = [-Math.sin(turn), Math.cos(turn) * Math.SQRT1_2];
+  const azimuth = Math.atan2(east, -cosine) * 180 / Math.PI;
+  const altitude = Math.asin(cosine) * 180 / Math.PI;
+  const sun = [(azimuth + 360) % 360, altitude].map((x) => x.toFixed(1));
+  const light = "--direct" in state.settings ? {}
+    : { "--sky": "cie:12", "--direct": "4" };
+  await change({ ...light, "--sun": sun.join() });
+}
+let passing = false;
+by("day").addEventListener("input", async () => {
+  if (passing) return;
+  passing = true;
+  await passDay();
+  passing = false;
+});
+by("day").addEventListener("change", passDay);
+
 listen().catch((fault) => { by("fault").textContent = fault.message; });

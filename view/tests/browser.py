@@ -258,6 +258,12 @@ def drive(browser, viewer, address, folder, axe):
         browser.key(key)
         browser.wait(f'{VIEW}.includes({json.dumps(place)})')
     check('the zenith stays', '--zenith' not in browser.run(VIEW))
+    browser.run('day = document.getElementById("day"); day.value = 9;'
+                'day.dispatchEvent(new Event("input", { bubbles: true }));'
+                'day.dispatchEvent(new Event("change", { bubbles: true }))')
+    browser.wait(f'/--direct=4/.test({COMMAND})'
+                 f' && /--sun=125.3,30.0/.test({COMMAND})')
+    check('a slider moves the sun', True)
     # Copy the command and render
     browser.run('for (const [name, value] of [["-d", "64x48"],'
                 '["--error", "0.02"]]) {'
