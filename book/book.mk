@@ -14,7 +14,8 @@ RECORD := sh $(SCRIPTS)/record
 LEARNT := $(addprefix $(BUILD_DIR)/figures/learnt-,$(addsuffix .png, \
   cache truth wrong claimed light guide cosine guided gather paths))
 LEARNT_TABLES := $(BUILT)/learnt.tex
-FIGURES := $(BUILD_DIR)/figures/courtyard.png $(LEARNT)
+SUNS := $(addprefix $(BUILD_DIR)/figures/sun-,morning.png noon.png room.png)
+FIGURES := $(BUILD_DIR)/figures/courtyard.png $(LEARNT) $(SUNS)
 # The tool's book needs no program but the tool.
 TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex translation.tex)
 TABLES := $(BUILD_DIR)/examples.stamp \
@@ -36,6 +37,21 @@ $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/figures/courtyard.json &: \
 	$(BUILD_DIR)/pt $(CAMERA) -d 480x360 -n 64 -r 0.8 -f \
 	  -i $(BUILD_DIR)/courtyard.obj -o $(BUILD_DIR)/figures/courtyard.png \
 	  --report $(BUILD_DIR)/figures/courtyard.json
+
+# The courtyard at nine and at noon of an equinox at 45 degrees north, and the
+# room of the examples, whose window has a pane, at five of a summer's day.
+SUN = $(BUILD_DIR)/pt -d 400x300 -r 0.7 --ground 0.3 --sky cie:12 --direct 4 \
+  -qf -o $@ -n
+$(BUILD_DIR)/figures/sun-morning.png: $(BUILD_DIR)/pt \
+  $(BUILD_DIR)/courtyard.obj | $(BUILD_DIR)/figures
+	$(SUN) 24 $(CAMERA) --sun 125.3,30 $(BUILD_DIR)/courtyard.obj
+$(BUILD_DIR)/figures/sun-noon.png: $(BUILD_DIR)/pt \
+  $(BUILD_DIR)/courtyard.obj | $(BUILD_DIR)/figures
+	$(SUN) 24 $(CAMERA) --sun 180,45 $(BUILD_DIR)/courtyard.obj
+$(BUILD_DIR)/figures/sun-room.png: $(BUILD_DIR)/pt \
+  $(addprefix doc/examples/,glazed.obj room.mtl) | $(BUILD_DIR)/figures
+	$(SUN) 32 --materials --glass pane=0.88 --sun 265,20 -p 5.5,2,1.6 \
+	  -t 0,2,1.4 doc/examples/glazed.obj
 
 # The daylight of a room, and the sky above a street, as tables and as tones
 # between 0 and 1, which LaTeX draws faster than pgfplots does.
@@ -407,6 +423,15 @@ readme: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(BENCH)/room.obj $(BENCH)/room.view 
 	$(BUILD_DIR)/ptimg stderr -f $(BUILD_DIR)/figures/readme.exr \
 	  -o $(STRIPS)-error.png
 	$(STRIP) $(STRIPS)-truth.png -n 512
+
+# The README's pictures of the sun: the courtyard as in the book, and the
+# kitchen, if KITCHEN names its OBJ.
+.PHONY: suns
+suns: $(SUNS) $(if $(KITCHEN),doc/figures/sun-kitchen.png)
+	cp $(filter %ing.png %on.png,$(SUNS)) doc/figures
+
+doc/figures/sun-kitchen.png: $(BUILD_DIR)/pt $(BENCH)/kitchen.obj
+	$(SUN) 64 $$(cat $(BENCH)/kitchen.view) --sun 340,30 $(BENCH)/kitchen.obj
 
 # ---- mixtures of scales
 
