@@ -113,11 +113,12 @@ impl<'a> Filter<'a> {
 }
 
 impl Filter<'_> {
-    /// The halves of each pixel, composed of its fragments and the sky.
+    /// The halves of each pixel, composed of its fragments, the sky and the sun.
     fn compose(&self, values: &[Halves]) -> Vec<Vec2> {
-        let Fragments { all, sky, .. } = self.shown;
+        let Fragments { all, sky, sun, .. } = self.shown;
         let pixel = |p: usize| {
-            self.shown.range(p).fold(Vec2::splat(sky[p]), |sum, f| {
+            let known = Vec2::splat(sky[p] + sun[p]);
+            self.shown.range(p).fold(known, |sum, f| {
                 sum + all[f].coverage * values[f].mean()
             })
         };

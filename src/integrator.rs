@@ -67,6 +67,11 @@ pub trait Integrator: Sync {
         sampler: &mut impl Sampler,
     ) -> PathEvent;
 
+    /// The part of a contribution that the first surface reflects of the sun.
+    fn direct(&self, _path: &Self::Path) -> f64 {
+        0.
+    }
+
     /// The parts of the rows of a tally, among which replicates are divided
     /// in turn, and the columns of each; no part without a tally.
     fn row_parts(&self) -> (u64, u32) {
@@ -211,7 +216,7 @@ impl<'a> PathTracer<'a> {
 }
 
 /// A path of the path tracer.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct PathState {
     /// The part of the radiance along the ray that reaches the image.
     pub throughput: f64,
@@ -223,6 +228,8 @@ pub struct PathState {
     pub variate: f64,
     /// What the sun has added to its contribution.
     pub sunlight: f64,
+    /// The part of that which the first surface has reflected.
+    pub direct: f64,
     /// The shadow ray that is under way, if one is.
     pub shadow: Option<Shadow>,
 }
@@ -253,19 +260,16 @@ impl Integrator for PathTracer<'_> {
 
     #[inline(always)]
     fn begin(&self, direction: DVec3, throughput: f64) -> PathState {
-        let (bounces, variate, sunlight, shadow) = (0, 0., 0., None);
-        PathState {
-            throughput,
-            bounces,
-            direction,
-            variate,
-            sunlight,
-            shadow,
-        }
+        PathState { throughput, direction, ..PathState::default() }
     }
 
     fn surfaces(&self) -> Surfaces<'_> {
         self.surfaces
+    }
+
+    #[inline(always)]
+    fn direct(&self, path: &PathState) -> f64 {
+        path.direct
     }
 
     #[inline(always)]

@@ -210,7 +210,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         mut batch: impl Iterator<Item = (u32, u64)>,
         tile: Tile,
         fragments: Option<&TileFragments>,
-        ended: &mut impl FnMut((u32, Option<u32>), f64, Tallied),
+        ended: &mut impl FnMut((u32, Option<u32>), (f64, f64), Tallied),
     ) -> u64 {
         let Job { sensor, known_pixels, integrator, .. } = self.job;
         // Choose a point of the image for each path
@@ -255,7 +255,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
                     let hit = hits[i].as_ref();
                     let tallied =
                         integrator.tally(&path, hit, contribution);
-                    ended((pixel, fragment), contribution, tallied);
+                    let value = (contribution, 0.);
+                    ended((pixel, fragment), value, tallied);
                 }
             }
         }
@@ -301,6 +302,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
         let mut sorted = vec![Samples::default(); kept];
         let (count, mut contributions) = (pixels.len() as u32, vec![]);
         let mut ended = |(pixel, fragment): (u32, _), value, tallied| {
+            let (value, direct) = value;
             pixels[pixel as usize].add(value);
             if let Some((column, weight)) = tallied {
                 contributions
@@ -308,7 +310,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
             }
             if let Some::<u32>(fragment) = fragment {
                 let (sums, count) = &mut sorted[fragment as usize];
-                sums[0] += value;
+                sums[0] += value - direct;
                 *count += 1;
             }
         };
@@ -376,7 +378,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
                         let tallied =
                             integrator.tally(path, hit, contribution);
                         let place = (flight.pixel, flight.fragment);
-                        ended(place, contribution, tallied);
+                        let value = (contribution, integrator.direct(path));
+                        ended(place, value, tallied);
                     }
                 }
                 begun.pop().map(|next| *flight = next).is_some()

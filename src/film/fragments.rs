@@ -78,23 +78,28 @@ pub struct Fragments {
     pub all: Vec<Fragment>,
     /// What the sky adds to the radiance of each pixel.
     pub sky: Vec<f32>,
+    /// What its surfaces add that reflect the light of the sun; the sums of
+    /// halves are without it.
+    pub sun: Vec<f32>,
 }
 
 impl Fragments {
-    /// Lists the fragments of pixels, given row by row, with the sky of
-    /// each. Points are counted from `origin`.
+    /// Lists the fragments of pixels, given row by row, with what sky and sun
+    /// add to each. Points are counted from `origin`.
     pub fn new(
         window: Window,
         origin: DVec3,
-        pixels: impl IntoIterator<Item = (Vec<Fragment>, f32)>,
+        pixels: impl IntoIterator<Item = (Vec<Fragment>, [f32; 2])>,
     ) -> Self {
-        let (mut starts, mut all, mut sky) = (vec![0], vec![], vec![]);
-        for (fragments, radiance) in pixels {
+        let (mut starts, mut all) = (vec![0], vec![]);
+        let (mut sky, mut sun) = (vec![], vec![]);
+        for (fragments, [above, direct]) in pixels {
             all.extend(fragments);
             starts.push(all.len() as u32);
-            sky.push(radiance);
+            sky.push(above);
+            sun.push(direct);
         }
-        Self { window, origin, starts, all, sky }
+        Self { window, origin, starts, all, sky, sun }
     }
 }
 

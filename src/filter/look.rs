@@ -11,33 +11,33 @@ use rayon::prelude::*;
 use crate::analysis::LitView;
 use crate::bvh::{BEAM, Bvh, GROUND};
 use crate::film::{Film, Fragment, Fragments, Window, best_of};
-use crate::sampler::within;
+use crate::sampler::{to_unit, within};
 use crate::sensor::{Place, Sensor};
 
-/// What a ray through a pixel sees: a surface, or the radiance of the sky.
+/// What a ray through a pixel sees: a surface, and the light of the sun that
+/// it reflects, or the sky, and its radiance.
 type Seen = (Option<Fragment>, f32);
 
 /// Whether two rays see the same.
-fn is_same((one, sky): &Seen, (other, beyond): &Seen) -> bool {
-    match (one, other) {
+fn is_same((one, light): &Seen, (other, beyond): &Seen) -> bool {
+    let is_like = match (one, other) {
         (Some(one), Some(other)) => one.is_like(other),
-        (None, None) => (beyond - sky).abs() <= 0.1,
+        (None, None) => true,
         _ => false,
-    }
+    };
+    is_like && (beyond - light).abs() <= 0.1
 }
 
 /// The most surfaces of a pixel that are distinguished.
 const SURFACES: usize = 3;
 
-/// What a pixel shows: surfaces, and what the sky adds.
-type Shown = (Vec<Fragment>, f32);
+/// What a pixel shows: surfaces, and what the sky and the sun add.
+type Shown = (Vec<Fragment>, [f32; 2]);
 
 /// Counts a ray for a part of a pixel.
-fn add((fragments, sky): &mut Shown, (surface, radiance): Seen, part: f32) {
-    let Some(seen) = surface else {
-        *sky += part * radiance;
-        return;
-    };
+fn add((fragments, lights): &mut Shown, (surface, light): Seen, part: f32) {
+    lights[usize::from(surface.is_some())] += part * light;
+    let Some(seen) = surface else { return };
     let like = best_of(fragments, &seen).filter(|&k| {
         fragments.len() == SURFACES || fragments[k].is_like(&seen)
     });
@@ -145,10 +145,19 @@ fn look(
     let (surfaces, size) = (&view.surfaces, view.resolution);
     let starts = view.sensor.starts(bvh, surfaces, places, size, false);
     array::from_fn(|i| {
-        let sky = view.sky.seen(starts.directions[i]);
-        let sky = (starts.transmittances[i] * sky) as f32;
+        let light = match starts.hits[i].as_ref() {
+            None => view.sky.seen(starts.directions[i]),
+            Some(hit) => {
+                let [u, v] = places[i].unwrap_or_default().1.map(to_unit);
+                let mut u = [v, u];
+                let side = surfaces.lit_side(hit, &mut u[0]);
+                let albedo = surfaces.albedo(hit.primitive);
+                albedo * view.sunlight(bvh, &side, u).0
+            }
+        };
+        let light = (starts.transmittances[i] * light) as f32;
         let hit = starts.hits[i].as_ref();
-        (hit.map(|hit| Fragment::new(origin, hit)), sky)
+        (hit.map(|hit| Fragment::new(origin, hit)), light)
     })
 }
 

@@ -406,13 +406,10 @@ impl<K: Intersector> Tracer<'_, K> {
         }
         // Add the light of the sun
         if self.gather.view.sky.beam.is_some() {
-            for (sample, [gathered, _]) in
-                samples.iter_mut().zip(&mut parts)
-            {
+            for sample in &mut samples {
                 let light = self.sunlight(&sample.hit, &mut random);
                 sample.sunlight = sample.albedo * light;
                 sums[sample.pixel as usize] += sample.sunlight;
-                *gathered += sample.sunlight;
             }
         }
         // Look up the cells that the rays have met
@@ -424,7 +421,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 *cell = self.cell_around(hit, u);
                 let radiance = *albedo * *weight * f64::from(cell.value);
                 sums[*pixel as usize] += radiance;
-                *gathered += radiance;
+                *gathered = radiance;
             }
         }
         let mut corrections = sums.clone();

@@ -50,16 +50,11 @@ impl<K: Intersector> Tracer<'_, K> {
     /// An estimate of the irradiance at `x`, on the side of its normal, from
     /// the sun, in the unit of the sky's.
     pub fn sunlight(&mut self, x: &Hit, random: &mut Pcg64) -> f64 {
-        let Some(beam) = self.gather.view.sky.beam else { return 0. };
         let u = [random.random(), random.random()];
-        let (direction, irradiance) = beam.sample(x.normal, u);
-        if irradiance == 0. {
-            return 0.;
-        }
-        match self.first_hit(x, direction) {
-            (None, transmittance) => irradiance * transmittance,
-            _ => 0.,
-        }
+        let view = &self.gather.view;
+        let (light, rays) = view.sunlight(self.intersector, x, u);
+        self.rays += rays;
+        light
     }
 
     /// The same on the side of `x` that a random number chooses.
