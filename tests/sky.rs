@@ -295,7 +295,7 @@ fn a_sky_of_patches_gives_what_coefficients_times_its_column_give() {
         .put("wall.obj", format!("{wall}v -9 -9 0\nv 9 -9 0\nf 5 6 2 1\n"));
     place.put("p.txt", "0 0 1 0 0 1\n0 0 2 1 0 0\n0 -1 1 0 1 -0.5\n");
     place.put("a.smx", matrix(146, 3, mixed));
-    let line = "wall.obj -n4096 -r0.5 --points=p.txt --integrator=sobol";
+    let line = "wall.obj -n65536 -r0.5 --points=p.txt --integrator=sobol";
     for words in ["--sky-patches=1 -od.mtx", "--sky=a.smx:2 -ov.csv"] {
         place.free(&format!("{line} {words}")).succeeded();
     }
