@@ -524,8 +524,11 @@ impl Sky {
     /// The nearest sky of one that is not even itself.
     #[inline(always)]
     fn even(&self) -> Option<[f64; 2]> {
-        let of_patches = || self.patchwork.as_ref().map(|it| it.even);
-        self.gradation.map(|it| it.even).or_else(of_patches)
+        match self.cover {
+            Cover::Uniform | Cover::Overcast | Cover::Sphere => None,
+            Cover::Matrix(..) => self.patchwork.as_ref().map(|it| it.even),
+            _ => self.gradation.map(|it| it.even),
+        }
     }
 
     /// The radiance that a camera sees in `direction` if no surface is there.
