@@ -471,15 +471,6 @@ impl Sky {
         sky.toward(zenith)
     }
 
-    /// The sky of these patches around a zenith, whose vector is not zero.
-    pub fn of(zenith: DVec3, patchwork: &Patchwork) -> Self {
-        let mut sky = Self::with(zenith, patchwork.cover.clone());
-        let patches = patchwork.patches.around(sky.zenith);
-        let patchwork = Patchwork { patches, ..patchwork.clone() };
-        sky.patchwork = Some(patchwork.into());
-        sky
-    }
-
     /// The same sky with the sun in this direction, a vector that is not zero; it
     /// stays at the zenith where it does not matter.
     pub fn toward(self, sun: DVec3) -> Self {
@@ -489,6 +480,15 @@ impl Sky {
         };
         let gradation = Gradation::new(&self.cover, self.zenith, sun);
         Self { gradation, ..self }
+    }
+
+    /// The sky of these patches around a zenith, whose vector is not zero.
+    pub fn of(zenith: DVec3, patchwork: &Patchwork) -> Self {
+        let mut sky = Self::with(zenith, patchwork.cover.clone());
+        let patches = patchwork.patches.around(sky.zenith);
+        let patchwork = Patchwork { patches, ..patchwork.clone() };
+        sky.patchwork = Some(patchwork.into());
+        sky
     }
 
     /// The radiance that arrives from `direction`, if nothing is in the way.
@@ -521,6 +521,12 @@ impl Sky {
         }
     }
 
+    /// The radiance that a camera sees in `direction` if no surface is there.
+    #[inline(always)]
+    pub fn seen(&self, direction: DVec3) -> f64 {
+        self.background.unwrap_or_else(|| self.radiance(direction))
+    }
+
     /// The nearest sky of one that is not even itself.
     #[inline(always)]
     fn even(&self) -> Option<[f64; 2]> {
@@ -529,12 +535,6 @@ impl Sky {
             Cover::Matrix(..) => self.patchwork.as_ref().map(|it| it.even),
             _ => self.gradation.map(|it| it.even),
         }
-    }
-
-    /// The radiance that a camera sees in `direction` if no surface is there.
-    #[inline(always)]
-    pub fn seen(&self, direction: DVec3) -> f64 {
-        self.background.unwrap_or_else(|| self.radiance(direction))
     }
 
     /// The irradiance of a surface with this unit normal from the radiance
