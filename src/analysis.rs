@@ -53,7 +53,7 @@ pub struct LitView<'a> {
     /// The camera or the receivers.
     pub sensor: &'a Sensor,
     /// The only light.
-    pub sky: Sky,
+    pub sky: &'a Sky,
     /// The albedos of the surfaces.
     pub surfaces: Surfaces<'a>,
     /// Width and height of the image.

@@ -32,6 +32,7 @@ use crate::materials::{Defined, libraries};
 use crate::plan::{Plan, input_name, is_dash};
 use crate::scene::{Mesh, begins_obj, read_file};
 use crate::sensor::{Point, read_points};
+use crate::sky::{Cover, Patchwork};
 
 /// The inputs of a plan.
 #[derive(Clone, Default)]
@@ -44,6 +45,8 @@ pub struct Inputs {
     pub points: Vec<Point>,
     /// The SHA-256 of their file.
     pub points_sha256: String,
+    /// The patches of the sky, if it is of a matrix.
+    pub sky: Option<Arc<Patchwork>>,
     /// The albedo of each face, if they are given one by one.
     pub albedos: Vec<f64>,
     /// The albedos of materials by name.
@@ -68,20 +71,12 @@ impl Inputs {
     /// A file cannot be read, or has the wrong contents.
     pub fn read(plan: &Plan, host: Host) -> Result<Self> {
         let began = Instant::now();
-        let leads = host.ranks.rank_and_size().0 == 0;
-        let load = |path: &Path, is_scene| {
-            let bytes = if leads {
-                read_bytes(path, is_scene, host)?
-            } else {
-                vec![]
-            };
-            host.ranks.broadcast(bytes)
-        };
         // Read the scene, and points if there are any
-        let bytes = load(&plan.scene, true)?;
-        let mut inputs = Self::default();
+        let bytes = load(&plan.scene, true, host)?;
+        let mut inputs =
+            Self { sky: read_sky(plan, host)?, ..Self::default() };
         if let Some(path) = plan.points() {
-            let bytes = load(path, false)?;
+            let bytes = load(path, false, host)?;
             inputs.points_sha256 = sha256(&bytes);
             let (file, mut odd) = (input_name(path), vec![]);
             let points = read_points(&bytes, &mut odd);
@@ -120,6 +115,28 @@ impl Inputs {
         self.points = points.map(|((p, n), line)| (p, n, line)).collect();
         self
     }
+}
+
+/// The patches of the sky of a plan, if it is of a matrix.
+///
+/// # Errors
+/// The file cannot be read, or has no such sky.
+pub fn read_sky(plan: &Plan, host: Host) -> Result<Option<Arc<Patchwork>>> {
+    let Cover::Matrix(file, column) = &plan.sky.cover else {
+        return Ok(None);
+    };
+    let bytes = load(file, false, host)?;
+    let sky = Patchwork::read(&bytes, file.clone(), *column);
+    let sky = sky.map_err(|error| error.of_file(input_name(file)))?;
+    Ok(Some(sky.into()))
+}
+
+/// The bytes of a file, which the first process reads.
+fn load(path: &Path, is_scene: bool, host: Host) -> Result<Vec<u8>> {
+    let leads = host.ranks.rank_and_size().0 == 0;
+    let bytes =
+        if leads { read_bytes(path, is_scene, host)? } else { vec![] };
+    host.ranks.broadcast(bytes)
 }
 
 /// The bytes of a file or of standard input.

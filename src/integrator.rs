@@ -179,7 +179,7 @@ impl Communicator for SingleProcess {}
 /// throughput is below `ROULETTE_THRESHOLD`; then the albedo is the
 /// probability that it goes on. From `MANY_BOUNCES` bounces on it may also
 /// end.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct PathTracer<'a> {
     /// What the surfaces reflect.
     pub surfaces: Surfaces<'a>,

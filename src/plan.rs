@@ -233,7 +233,7 @@ pub struct SurfacePlan {
 }
 
 /// Where light comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SkyPlan {
     /// How the radiance of the sky is distributed.
     pub cover: Cover,
@@ -605,14 +605,19 @@ impl Plan {
 
     /// The names of all files of a run.
     fn names(&mut self) -> impl Iterator<Item = &mut PathBuf> {
-        let Self { scene, sensor, cache, reference, outputs, .. } = self;
+        let Self { scene, sensor, sky, cache, reference, outputs, .. } =
+            self;
         let points = match sensor {
             SensorPlan::Points(path) => Some(path),
             _ => None,
         };
+        let sky = match &mut sky.cover {
+            Cover::Matrix(path, _) => Some(path),
+            _ => None,
+        };
         let Outputs { files, replaced, .. } = outputs;
-        let read =
-            [Some(scene), points, cache.as_mut(), reference.as_mut()];
+        let (cache, reference) = (cache.as_mut(), reference.as_mut());
+        let read = [Some(scene), points, sky, cache, reference];
         let written = files.iter_mut().map(|(_, path)| path);
         let names =
             read.into_iter().flatten().chain(written).chain(replaced);
@@ -629,7 +634,7 @@ impl SkyPlan {
         require(is_direction, "zenith", zenith, wanted)?;
         let named: Result<Cover, String> = self.cover.to_string().parse();
         let fault = named.err().unwrap_or_default();
-        require(fault.is_empty(), "sky", self.cover, &fault)?;
+        require(fault.is_empty(), "sky", &self.cover, &fault)?;
         let is_whole = self.cover == Cover::Sphere;
         let glow = self.ground_glow.filter(|_| is_whole);
         let wanted = "the sphere has its own light below the horizon";
@@ -644,7 +649,7 @@ impl SkyPlan {
         require(has_sun, "direct", direct, wanted)?;
         let is_lit = self.sun.is_some() || !self.cover.needs_sun();
         let wanted = "needs the direction to the sun, --sun";
-        require(is_lit, "sky", self.cover, wanted)
+        require(is_lit, "sky", &self.cover, wanted)
     }
 }
 

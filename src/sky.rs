@@ -24,17 +24,23 @@ pub mod sun;
 use std::array;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt::{self, Display, Formatter};
+use std::path::PathBuf;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::error::Result;
+use crate::inputs::sha256;
+use crate::matrix::daylight::SkyMatrix;
 use crate::numerics::normalise;
+use crate::tally::patches::Patches;
 use sun::Beam;
 
 /// How the radiance of the sky is distributed; a horizontal surface in the
 /// open gets the same from each.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Cover {
     /// The same in all directions above the horizon.
@@ -49,17 +55,14 @@ pub enum Cover {
     /// The sky of a clearness and a brightness (Perez, Seals and Michalsky
     /// 1993).
     Perez(f64, f64),
+    /// A column, from 1, of the sky matrix in this file; in a [`Sky`] the
+    /// name of the file is its SHA-256.
+    Matrix(PathBuf, Option<u32>),
 }
 impl Cover {
     /// Whether it changes towards the sun.
-    pub fn needs_sun(self) -> bool {
-        !matches!(
-            self,
-            Self::Uniform
-                | Self::Overcast
-                | Self::Sphere
-                | Self::Cie(1 | 3)
-        )
+    pub fn needs_sun(&self) -> bool {
+        matches!(self, Self::Cie(2 | 4..) | Self::Perez(..))
     }
 }
 impl Display for Cover {
@@ -71,6 +74,10 @@ impl Display for Cover {
             Self::Cie(kind) => write!(f, "cie:{kind}"),
             Self::Perez(clearness, brightness) => {
                 write!(f, "perez:{clearness},{brightness}")
+            }
+            Self::Matrix(file, None) => write!(f, "{}", file.display()),
+            Self::Matrix(file, Some(column)) => {
+                write!(f, "{}:{column}", file.display())
             }
         }
     }
@@ -93,6 +100,16 @@ impl FromStr for Cover {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
+        // Parse the name of a sky matrix
+        if let Some(at) = name.rfind(".smx") {
+            let (file, column) = name.split_at(at + 4);
+            let number = column.strip_prefix(':');
+            let number = number.and_then(|text| text.parse().ok());
+            let is_sound = column.is_empty() || number > Some(0);
+            let wanted = "expected a column from 1 on, as in sky.smx:12";
+            let sky = Self::Matrix(file.into(), number);
+            return is_sound.then_some(sky).ok_or(wanted.to_owned());
+        }
         let (kind, numbers) = name.split_once(':').unwrap_or((name, ""));
         let wanted = match kind {
             "uniform" if numbers.is_empty() => return Ok(Self::Uniform),
@@ -113,8 +130,8 @@ impl FromStr for Cover {
                 }
             },
             _ => {
-                "expected uniform, overcast, sphere, cie:TYPE or \
-                  perez:CLEARNESS,BRIGHTNESS"
+                "expected uniform, overcast, sphere, cie:TYPE, \
+                  perez:CLEARNESS,BRIGHTNESS or FILE.smx:COLUMN"
             }
         };
         Err(wanted.to_owned())
@@ -129,7 +146,7 @@ pub(crate) fn parse_pair(text: &str) -> Option<[f64; 2]> {
 }
 
 /// The sky: light from all directions above the horizon, or from all.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sky {
     /// Unit vector that points to the zenith.
     pub zenith: DVec3,
@@ -152,6 +169,9 @@ pub struct Sky {
     /// The sun, if it shines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beam: Option<Beam>,
+    /// Its patches, if it is of a matrix.
+    #[serde(skip)]
+    pub patchwork: Option<Arc<Patchwork>>,
 }
 
 fn is_zero(value: &f64) -> bool {
@@ -272,14 +292,18 @@ fn perez(clearness: f64, brightness: f64, angle: f64) -> [f64; 5] {
     }
     parameters
 }
+/// The radiance at the horizon, and its rise to the zenith, of the sky nearest
+/// to one of this m.
+fn nearest(m: f64) -> [f64; 2] {
+    let rise = 18. * (m - 2. / 3.);
+    [1. - 2. / 3. * rise, rise]
+}
+
 impl Gradation {
     /// The gradation of a sky, if it has one.
-    fn new(cover: Cover, zenith: DVec3, sun: DVec3) -> Option<Self> {
+    fn new(cover: &Cover, zenith: DVec3, sun: DVec3) -> Option<Self> {
         let angle = libm::acos(zenith.dot(sun).clamp(-1., 1.));
-        let (parameters, constant) = match cover {
-            Cover::Uniform | Cover::Overcast | Cover::Sphere => {
-                return None;
-            }
+        let (parameters, constant) = match *cover {
             Cover::Cie(kind) => {
                 let [.., c, d, _] = CIE[usize::from(kind) - 1];
                 let constant = 1. - c * libm::exp(d * FRAC_PI_2);
@@ -288,14 +312,14 @@ impl Gradation {
             Cover::Perez(clearness, brightness) => {
                 (perez(clearness, brightness, angle), 1.)
             }
+            _ => return None,
         };
         let (unit, even) = (1., [0.; 2]);
         let new = Self { sun, parameters, constant, unit, even };
         let [first, second, negative] = new.moments(zenith);
         let is_lit = first > 0. && negative < 0.01 * first;
         let unit = if is_lit { 1. / first } else { f64::NAN };
-        let rise = 18. * (second / first - 2. / 3.);
-        let even = [1. - 2. / 3. * rise, rise];
+        let even = nearest(second / first);
         Some(Self { unit, even, ..new })
     }
     /// The integrals of the radiance over the sky, weighted by the height above
@@ -351,6 +375,71 @@ impl Gradation {
 /// The rows of the quadrature of a sky.
 const ROWS: u32 = 256;
 
+/// A sky whose radiance is constant in each patch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Patchwork {
+    /// The file and the column, as they were typed.
+    pub typed: Cover,
+    /// The SHA-256 of the file, and the column.
+    cover: Cover,
+    /// The patches.
+    patches: Patches,
+    /// The radiance of each.
+    radiances: Arc<[f64]>,
+    /// The radiance at the horizon of the nearest sky, and its rise.
+    even: [f64; 2],
+}
+impl Patchwork {
+    /// Reads a column of a sky matrix.
+    ///
+    /// # Errors
+    /// It is none, there is no such column, or it has no light.
+    pub fn read(
+        bytes: &[u8],
+        file: PathBuf,
+        column: Option<u32>,
+    ) -> Result<Self> {
+        let typed = Cover::Matrix(file, column);
+        let matrix = SkyMatrix::read(bytes)?;
+        let (count, steps) = (matrix.patches, matrix.steps);
+        let factors = [(146, 1), (578, 2), (2306, 4)];
+        let factor = factors.into_iter().find(|(n, _)| *n == count);
+        let wanted = "and skies have 146, 578 or 2306";
+        let fault = format!("it has {count} rows, {wanted}");
+        let (_, factor) = factor.ok_or(fault)?;
+        let fault =
+            format!("it has {steps} columns: name one, as in {typed}:1");
+        let only = (steps == 1).then_some(1);
+        let column = column.or(only).ok_or(fault)?;
+        let fault = format!("it has {steps} columns, and none {column}");
+        let values = matrix.column(column).ok_or(fault)?;
+        // Find the radiances of the patches
+        let patches = Patches::new(factor, DVec3::Z);
+        let moments = patches.moments();
+        let moment = |k: usize| {
+            let parts = values.iter().zip(&moments).map(|(x, m)| x * m[k]);
+            parts.sum::<f64>()
+        };
+        let (first, second) = (moment(0), moment(1));
+        if !(first > 0. && first.is_finite()) {
+            let fault = "has no light above the horizon";
+            return Err(format!("its column {column} {fault}").into());
+        }
+        let file = format!("{}.smx", sha256(bytes)).into();
+        let cover = Cover::Matrix(file, Some(column));
+        let radiances = values.iter().map(|x| x / first).collect();
+        let even = nearest(second / first);
+        Ok(Self { typed, cover, patches, radiances, even })
+    }
+
+    /// The radiance of a direction above the horizon.
+    #[cold]
+    #[inline(never)]
+    fn radiance(&self, direction: DVec3) -> f64 {
+        self.radiances[self.patches.number(direction) as usize]
+    }
+}
+
 impl Sky {
     /// The uniform sky whose zenith is the coordinate axis nearest to `up`.
     pub fn new(up: DVec3) -> Self {
@@ -368,9 +457,17 @@ impl Sky {
     /// It is [`Cover::Cie`] of no type.
     pub fn with(zenith: DVec3, cover: Cover) -> Self {
         let zenith = normalise(zenith).normalize();
-        let (background, below, gradation, beam) = (None, 0., None, None);
-        let sky =
-            Self { zenith, cover, background, below, gradation, beam };
+        let (background, below) = (None, 0.);
+        let (gradation, beam, patchwork) = (None, None, None);
+        let sky = Self {
+            zenith,
+            cover,
+            background,
+            below,
+            gradation,
+            beam,
+            patchwork,
+        };
         sky.toward(zenith)
     }
 
@@ -381,8 +478,17 @@ impl Sky {
             true => normalise(sun).normalize(),
             false => self.zenith,
         };
-        let gradation = Gradation::new(self.cover, self.zenith, sun);
+        let gradation = Gradation::new(&self.cover, self.zenith, sun);
         Self { gradation, ..self }
+    }
+
+    /// The sky of these patches around a zenith, whose vector is not zero.
+    pub fn of(zenith: DVec3, patchwork: &Patchwork) -> Self {
+        let mut sky = Self::with(zenith, patchwork.cover.clone());
+        let patches = patchwork.patches.around(sky.zenith);
+        let patchwork = Patchwork { patches, ..patchwork.clone() };
+        sky.patchwork = Some(patchwork.into());
+        sky
     }
 
     /// The radiance that arrives from `direction`, if nothing is in the way.
@@ -394,6 +500,10 @@ impl Sky {
             _ if height <= 0. => self.below,
             Cover::Uniform => 1.,
             Cover::Overcast => 3. / 7. * (1. + 2. * height),
+            Cover::Matrix(..) => self
+                .patchwork
+                .as_ref()
+                .map_or(1., |it| it.radiance(direction)),
             _ => self
                 .gradation
                 .map_or(1., |it| it.radiance(height, direction)),
@@ -405,10 +515,8 @@ impl Sky {
     #[inline(always)]
     pub fn even_radiance(&self, direction: DVec3) -> f64 {
         let height = self.zenith.dot(direction);
-        match self.gradation {
-            Some(Gradation { even: [base, rise], .. }) if height > 0. => {
-                base + rise * height
-            }
+        match self.even() {
+            Some([base, rise]) if height > 0. => base + rise * height,
             _ => self.radiance(direction),
         }
     }
@@ -419,16 +527,26 @@ impl Sky {
         self.background.unwrap_or_else(|| self.radiance(direction))
     }
 
+    /// The nearest sky of one that is not even itself.
+    #[inline(always)]
+    fn even(&self) -> Option<[f64; 2]> {
+        match self.cover {
+            Cover::Uniform | Cover::Overcast | Cover::Sphere => None,
+            Cover::Matrix(..) => self.patchwork.as_ref().map(|it| it.even),
+            _ => self.gradation.map(|it| it.even),
+        }
+    }
+
     /// The irradiance of a surface with this unit normal from the radiance
     /// [`Sky::even_radiance`] if nothing is in the way, relative to that of a
     /// horizontal one.
     pub fn irradiance_ratio(&self, normal: DVec3) -> f64 {
         let cosine = self.zenith.dot(normal).clamp(-1., 1.);
         let uniform = 0.5 + 0.5 * cosine;
-        let [base, rise] = match (self.cover, self.gradation) {
-            (Cover::Sphere, _) => return 1.,
-            (Cover::Overcast, _) => [3. / 7., 6. / 7.],
-            (_, gradation) => gradation.map_or([1., 0.], |it| it.even),
+        let [base, rise] = match self.cover {
+            Cover::Sphere => return 1.,
+            Cover::Overcast => [3. / 7., 6. / 7.],
+            _ => self.even().unwrap_or([1., 0.]),
         };
         let mut ratio = base * uniform + self.below * (1. - uniform);
         if rise != 0. {

@@ -29,7 +29,7 @@ use crate::error::Result;
 use crate::film::{Film, SIDE, tile_height};
 use crate::host::{Event, Host};
 use crate::image::levels::level;
-use crate::inputs::Inputs;
+use crate::inputs::{Inputs, read_sky};
 use crate::integrator::gather::cache::Grid;
 use crate::key::{Framing, ReceiverSource, Sensed, Subject};
 use crate::materials::glass::{Bsdf, Pane};
@@ -46,7 +46,7 @@ use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
 use crate::sky::sun::Beam;
-use crate::sky::{Cover, Gradation, Sky};
+use crate::sky::{Cover, Gradation, Patchwork, Sky};
 use crate::tally::Columns;
 
 /// A subject, the hierarchy of its scene, and the findings about both.
@@ -73,7 +73,7 @@ impl World {
     pub fn view(&self) -> LitView<'_> {
         let Self { subject, sensor, geometry, .. } = self;
         let surfaces = Surfaces::new(&geometry.albedos, subject.ground);
-        let (sky, resolution) = (subject.sky, subject.sensed.resolution());
+        let (sky, resolution) = (&subject.sky, subject.sensed.resolution());
         LitView { sensor, sky, surfaces, resolution }
     }
 
@@ -177,7 +177,8 @@ impl World {
             each => FaceAlbedos::each(each),
         };
         let (asked, table) = asked(plan, &inputs, &faces).unzip();
-        let mut subject = subject(plan, mesh, named, asked)?;
+        let around = (named, inputs.sky.as_ref());
+        let mut subject = subject(plan, mesh, around, asked)?;
         note_camera(plan, &subject, host);
         note_panes(&subject.named, host);
         let light = light(plan, mesh, &subject);
@@ -283,7 +284,8 @@ impl World {
         let transmitting = plan.surfaces.transmitting.clone();
         let old = self.subject.named.clone();
         let named = Named { named_albedos, transmitting, ..old };
-        let new = subject(plan, mesh, named, None)?;
+        let around = (named, self.subject.sky.patchwork.as_ref());
+        let new = subject(plan, mesh, around, None)?;
         let sensor = camera(&new.sensed, &self.geometry.frame)?;
         let geometry = Arc::get_mut(&mut self.geometry)
             .ok_or("another world has this geometry")?;
@@ -382,7 +384,7 @@ fn asked(
 fn subject(
     plan: &Plan,
     mesh: &Mesh,
-    named: Named,
+    (named, known): (Named, Option<&Arc<Patchwork>>),
     receivers: Option<ReceiverSource>,
 ) -> Result<Subject> {
     let mut up = plan.up.unwrap_or(DVec3::Z);
@@ -394,7 +396,12 @@ fn subject(
         up = zenith;
     }
     let background = plan.camera().and_then(|camera| camera.background);
-    let sky = sky(&plan.sky, zenith)?;
+    let known = known.filter(|known| known.typed == plan.sky.cover);
+    let patchwork = match known {
+        Some(known) => Some(known.clone()),
+        None => read_sky(plan, Host::default())?,
+    };
+    let sky = sky(&plan.sky, zenith, patchwork.as_deref())?;
     let sky = Sky { background, ..sky };
     let sensed = match (&plan.sensor, receivers) {
         (SensorPlan::Camera(camera), _) => {
@@ -413,8 +420,15 @@ fn subject(
 }
 
 /// The sky of a plan around a zenith.
-fn sky(plan: &SkyPlan, zenith: DVec3) -> Result<Sky> {
-    let mut sky = Sky::with(zenith, plan.cover);
+fn sky(
+    plan: &SkyPlan,
+    zenith: DVec3,
+    patchwork: Option<&Patchwork>,
+) -> Result<Sky> {
+    let mut sky = match patchwork {
+        Some(patchwork) => Sky::of(zenith, patchwork),
+        None => Sky::with(zenith, plan.cover.clone()),
+    };
     if let Some(sun) = plan.sun {
         let toward = sun.direction(zenith);
         let is_up = toward.dot(zenith) > 0. || !plan.cover.needs_sun();
@@ -432,7 +446,7 @@ fn sky(plan: &SkyPlan, zenith: DVec3) -> Result<Sky> {
     let is_sound = sky.gradation.is_none_or(Gradation::is_sound);
     let wanted = "its formula grows without bound at the horizon, or is \
                   negative in a part of the sky";
-    require(is_sound, "sky", plan.cover, wanted)?;
+    require(is_sound, "sky", &plan.cover, wanted)?;
     let sunlight = |beam: Beam| beam.irradiance * beam.toward.dot(zenith);
     let lit = 1. + sky.beam.map_or(0., sunlight);
     sky.below = plan.ground_glow.unwrap_or(0.) * lit;
@@ -502,7 +516,8 @@ fn note_panes(named: &Named, host: Host) {
 
 /// The sky and the ground in words, and another axis that seems to be up.
 fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
-    let Sky { zenith, cover, gradation, beam, .. } = subject.sky;
+    let Sky { zenith, gradation, beam, .. } = subject.sky;
+    let cover = &plan.sky.cover;
     let mut light = format!("{cover}, zenith {}", direction(zenith));
     let sun = gradation.filter(|_| cover.needs_sun()).map(|it| it.sun);
     if let Some(sun) = beam.map(|beam| beam.toward).or(sun) {

@@ -279,7 +279,8 @@ fn background(up: DVec3, triangles: &[Triangle]) -> KnownPixels {
     let view = View { position, target: DVec3::Y, up, fov };
     let camera = Camera::new(&view, 1.).unwrap();
     let bvh = answers_scene::intersector(triangles);
-    KnownPixels::background(&camera, Sky::new(up), (64, 64), position, &bvh)
+    let sky = Sky::new(up);
+    KnownPixels::background(&camera, &sky, (64, 64), position, &bvh)
 }
 
 #[test]

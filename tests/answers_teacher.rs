@@ -73,7 +73,8 @@ fn a_slope_has_its_part_of_the_sky() {
     ] {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let normal = DVec3::new(sin, 0., cos);
-        let [s, cloudy] = skies.map(|it| it.irradiance_ratio(normal));
+        let [s, cloudy] =
+            skies.each_ref().map(|it| it.irradiance_ratio(normal));
         near(s, even, 5e-5);
         near(cloudy, grey, 5e-5);
         near(s + 0.3 * (1. - s), on_ground, 5e-5);

@@ -700,7 +700,8 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     };
     let (sky, job) = (Sky::new(DVec3::Z), stage.setting.job(0));
     let (place, bvh) = (entrance.place().unwrap(), job.intersector);
-    let known = KnownPixels::background(&camera, sky, (16, 16), place, bvh);
+    let known =
+        KnownPixels::background(&camera, &sky, (16, 16), place, bvh);
     assert_eq!(known.content((0, 0)), TileContent::Sky);
     let (values, rays) = gathered(&known);
     assert_eq!((values, rays), (gathered(KnownPixels::NOTHING).0, 0));

@@ -86,12 +86,13 @@ fn points_in_the_open_get_what_sky_and_ground_give() {
         (Cover::Overcast, Some(1.), None),
         (Cover::Overcast, None, Some(0.3)),
     ] {
-        let sky = Sky::with(zenith, cover);
+        let sky = Sky::with(zenith, cover.clone());
         assert!((sky.irradiance_ratio(zenith) - 1.).abs() < 1e-12);
         for method in Method::ALL {
             let mut plan = plan(points(), 0.5, (method, 1024));
             let up = Some(zenith);
-            plan.sky = SkyPlan { cover, zenith: up, ground, ..plan.sky };
+            plan.sky = SkyPlan { zenith: up, ground, ..plan.sky };
+            plan.sky.cover = cover.clone();
             plan.sky.ground_glow = glow;
             let found = lit(speck, &all, &plan);
             for (value, normal) in found.into_iter().zip(normals()) {

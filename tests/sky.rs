@@ -52,7 +52,7 @@ fn cie_skies_are_those_of_the_standard() {
         let cover: Cover = format!("cie:{kind}").parse().unwrap();
         for altitude in [5., 25., 45., 65., 90.] {
             let sun = sun(altitude);
-            let sky = Sky::with(DVec3::Z, cover).toward(sun);
+            let sky = Sky::with(DVec3::Z, cover.clone()).toward(sun);
             let zenith = formula(row, true, DVec3::Z, sun);
             for w in directions(1000) {
                 let exact = formula(row, true, w, sun) / zenith;
@@ -68,7 +68,7 @@ fn cie_skies_are_those_of_the_standard() {
     let overcast: Cover = "cie:16".parse().unwrap();
     assert_eq!(overcast, Cover::Overcast);
     let even = Sky::with(DVec3::Z, Cover::Cie(3));
-    assert_eq!(even.toward(sun(20.)), even);
+    assert_eq!(even.clone().toward(sun(20.)), even);
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn perez_skies_are_those_of_radiance() {
     ] {
         let cover = Cover::Perez(clearness, brightness);
         let sun = sun(altitude);
-        let sky = Sky::with(DVec3::Z, cover).toward(sun);
+        let sky = Sky::with(DVec3::Z, cover.clone()).toward(sun);
         let zenith = formula(parameters, false, DVec3::Z, sun);
         for w in directions(100) {
             let exact = formula(parameters, false, w, sun).max(0.) / zenith;
@@ -150,7 +150,7 @@ fn irradiance(radiance: impl Fn(DVec3) -> f64, normal: DVec3) -> f64 {
 // what it is said to be, whichever way a surface faces.
 #[test]
 fn skies_give_one_to_a_horizontal_surface() {
-    let up = DVec3::new(0.6, 0., 0.8);
+    let up = UP;
     // An overhang of whose nearest sky the ratio is negative
     let turn = 152.5f64.to_radians();
     let overhang = turn.cos() * up + turn.sin() * DVec3::Y;
@@ -162,7 +162,7 @@ fn skies_give_one_to_a_horizontal_surface() {
         (Cover::Perez(6., 0.1), 40., 0.25),
     ] {
         let sun = Sun::At(250., altitude).direction(up);
-        let mut sky = Sky::with(up, cover).toward(sun);
+        let mut sky = Sky::with(up, cover.clone()).toward(sun);
         let found = irradiance(|w| sky.radiance(w), up);
         assert!((found - 1.).abs() < 2e-5, "{cover}: {found}");
         // The rest of the nearest sky has no mean and no slope
@@ -182,6 +182,165 @@ fn skies_give_one_to_a_horizontal_surface() {
     }
 }
 
+/// A zenith along no axis.
+const UP: DVec3 = DVec3::new(0.6, 0., 0.8);
+
+/// A sky matrix of so many rows and columns.
+fn matrix(
+    rows: usize,
+    columns: usize,
+    of: impl Fn(usize, usize) -> f64,
+) -> Vec<u8> {
+    let head = "#?RADIANCE\ngendaymtx -m 1 -O0 a.wea\nNCOMP=3";
+    let size = format!("NROWS={rows}\nNCOLS={columns}\nFORMAT=ascii");
+    let mut text = format!("{head}\n{size}\n\n");
+    for row in 0..rows {
+        for column in 1..=columns {
+            let value = of(row, column);
+            text += &format!("{value} {value} {value}\n");
+        }
+    }
+    text.into_bytes()
+}
+
+/// A radiance that tells row and column apart, and is 0 in some rows.
+fn mixed(row: usize, column: usize) -> f64 {
+    if row == 0 { 9. } else { (row * row * (column + 6) % 11) as f64 }
+}
+
+/// The patches of the second of some columns.
+fn patchwork(rows: usize, columns: usize) -> Patchwork {
+    let bytes = matrix(rows, columns, mixed);
+    Patchwork::read(&bytes, "a.smx".into(), Some(2)).unwrap()
+}
+
+#[test]
+fn a_matrix_of_ones_is_the_uniform_sky() {
+    let bytes = matrix(146, 1, |row, _| if row == 0 { 7. } else { 3. });
+    let read = Patchwork::read(&bytes, "a.smx".into(), None).unwrap();
+    let [sky, uniform] =
+        [Sky::of(UP, &read), Sky::with(UP, Cover::Uniform)];
+    for w in directions(1000) {
+        for (found, exact) in [
+            (sky.radiance(w), uniform.radiance(w)),
+            (sky.even_radiance(w), uniform.even_radiance(w)),
+            (sky.irradiance_ratio(w), uniform.irradiance_ratio(w)),
+            (sky.irradiance_ratio(-w), uniform.irradiance_ratio(-w)),
+        ] {
+            assert!((found - exact).abs() < 1e-9, "{w}: {found} {exact}");
+        }
+    }
+}
+
+// Each patch has the radiance of its row; the unit gives 1 to a horizontal
+// surface; and the control variate is what it is said to be.
+#[test]
+fn a_sky_of_patches_is_that_of_its_column() {
+    for (factor, rows) in [(1, 146), (2, 578), (4, 2306)] {
+        let sky = Sky::of(UP, &patchwork(rows, 3));
+        let patches = litpt::tally::patches::Patches::new(factor, UP);
+        let value = |w| mixed(patches.number(w) as usize, 2);
+        let unit =
+            irradiance(|w| (w.dot(UP) > 0.) as u8 as f64 * value(w), UP);
+        for w in directions(1000).into_iter().filter(|w| w.dot(UP) > 0.) {
+            let (found, exact) = (sky.radiance(w), value(w) / unit);
+            assert!(
+                (found - exact).abs() <= 1e-3 * exact,
+                "{found} {exact}"
+            );
+            assert_eq!(sky.radiance(-w), 0.);
+        }
+        let rest = |w| sky.radiance(w) - sky.even_radiance(w);
+        let mean = irradiance(rest, UP);
+        let slope = irradiance(|w| rest(w) * w.dot(UP), UP);
+        assert!(mean.abs() < 1e-3 && slope.abs() < 1e-3, "{mean} {slope}");
+    }
+}
+
+#[test]
+fn a_sky_that_a_matrix_has_not_is_refused() {
+    let place = Scratch::new();
+    place.put("cube.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    place.put("p.txt", "0 0 1 0 0 1\n");
+    let is_lit = |row, column| f64::from(row == 0 || column != 2);
+    place.put("ok.smx", matrix(146, 3, is_lit));
+    place.put("odd.smx", matrix(147, 3, is_lit));
+    place.put("less.smx", matrix(146, 1, |row, _| 1. - row as f64));
+    place.put("no.smx", "NROWS=146\n\n");
+    for (sky, status, faults) in [
+        ("ok.smx", 1, ["ok.smx: ", "3 columns: name one, as in ok.smx:1"]),
+        ("ok.smx:2", 1, ["ok.smx: ", "column 2 has no light"]),
+        ("ok.smx:4", 1, ["ok.smx: ", "3 columns, and none 4"]),
+        ("ok.smx:0", 2, ["ok.smx:0", "expected a column from 1 on"]),
+        ("ok.smx:1.5", 2, ["ok.smx:1.5", "expected a column from 1 on"]),
+        ("odd.smx:1", 1, ["odd.smx: ", "147 rows"]),
+        ("less.smx", 1, ["less.smx: ", "patch 2 in step 0 is -1"]),
+        ("no.smx", 1, ["no.smx: ", "NCOLS is none"]),
+        ("none.smx", 1, ["none.smx", "No such file"]),
+        ("-:2", 2, ["-:2", "or FILE.smx:COLUMN"]),
+    ] {
+        let line = format!("cube.obj -n1 --points=p.txt --sky {sky}");
+        place.free(&line).failed(status, &faults);
+    }
+    let over = "cube.obj -n1 -f -ook.smx --sky ok.smx:1 --format=pgm";
+    assert_ne!(place.free(over).status, Some(0));
+}
+
+// The paths are the same, but for a control variate.
+#[test]
+fn a_sky_of_patches_gives_what_coefficients_times_its_column_give() {
+    let place = Scratch::new();
+    let wall = "v -9 1 0\nv 9 1 0\nv 9 1 3\nv -9 1 3\nf 1 2 3 4\n";
+    place
+        .put("wall.obj", format!("{wall}v -9 -9 0\nv 9 -9 0\nf 5 6 2 1\n"));
+    place.put("p.txt", "0 0 1 0 0 1\n0 0 2 1 0 0\n0 -1 1 0 1 -0.5\n");
+    place.put("a.smx", matrix(146, 3, mixed));
+    let line = "wall.obj -n65536 -r0.5 --points=p.txt --integrator=sobol";
+    for words in ["--sky-patches=1 -od.mtx", "--sky=a.smx:2 -ov.csv"] {
+        place.free(&format!("{line} {words}")).succeeded();
+    }
+    let [matrix, table] = ["d.mtx", "v.csv"].map(|name| place.text(name));
+    let (_, body) = matrix.split_once("\n\n").unwrap();
+    let numbers = body.split_whitespace().map(|x| x.parse().unwrap());
+    let numbers: Vec<f64> = numbers.collect();
+    let moments = litpt::tally::patches::Patches::new(1, UP).moments();
+    let light = |of: &dyn Fn(usize) -> f64| -> f64 {
+        (1..146).map(|p| of(p) * mixed(p, 2)).sum()
+    };
+    let unit = PI * light(&|p| moments[p][0]);
+    assert_eq!((numbers.len(), table.lines().count()), (3 * 3 * 146, 4));
+    for (row, line) in numbers.chunks(3 * 146).zip(table.lines().skip(1)) {
+        let value: f64 = line.split(',').nth(6).unwrap().parse().unwrap();
+        let exact = light(&|p| row[3 * p]) / unit;
+        assert!((value - exact).abs() < 0.01 * exact, "{value} {exact}");
+    }
+}
+
+// A run goes on with the file where it is now, and not if it has changed. The
+// report names the file and its hash.
+#[test]
+fn a_run_goes_on_under_the_same_sky() {
+    let place = Scratch::new();
+    place.put("cube.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    place.put("p.txt", "0 0 1 0 0 1\n0 0 1 1 0 0\n");
+    let bytes = matrix(146, 3, mixed);
+    place.put("a.smx", &bytes);
+    let run = |line: &str| place.free(line);
+    run("cube.obj -n64 --points=p.txt --sky a.smx:2 -oc.litpt \
+         -oa.csv --report=a.json")
+    .succeeded();
+    let report = place.text("a.json");
+    let hash = litpt::inputs::sha256(&bytes);
+    says(&report, &["--sky a.smx:2", &format!("{hash}.smx:2")]);
+    fs::rename(place.path("a.smx"), place.path("b.smx")).unwrap();
+    run("--resume=c.litpt -n128 -ob.csv").failed(1, &["a.smx"]);
+    run("--resume=c.litpt -n128 -ob.csv --sky b.smx:2").succeeded();
+    run("--resume=c.litpt -n256 -fob.csv --sky b.smx:3")
+        .failed(2, &["--sky", "the run that is resumed has another"]);
+    place.put("b.smx", matrix(146, 3, |row, _| row as f64));
+    run("--resume=c.litpt -n256 -fob.csv").failed(1, &["sky", &hash]);
+}
+
 // What a run finds for places in the open is what the sky gives them, by each
 // method and with a control variate.
 #[test]
@@ -190,7 +349,13 @@ fn each_method_finds_the_light_of_a_sky() {
     let speck = "v 0 0 0\nv 1e-3 0 0\nv 0 1e-3 0\nf 1 2 3\n";
     let (at, up) = (DVec3::new(2., 3., 5.), DVec3::Z);
     let normals = [up, DVec3::X, DVec3::NEG_Y, DVec3::new(0., 0.6, -0.8)];
-    for cover in [Cover::Cie(3), Cover::Cie(12), Cover::Perez(6., 0.1)] {
+    let patches = Arc::new(patchwork(578, 2));
+    for cover in [
+        Cover::Cie(3),
+        Cover::Cie(12),
+        Cover::Perez(6., 0.1),
+        patches.typed.clone(),
+    ] {
         for method in Method::ALL {
             let mut plan = Plan {
                 sensor: SensorPlan::Points("points".into()),
@@ -198,14 +363,15 @@ fn each_method_finds_the_light_of_a_sky() {
                 method: Some(method),
                 ..Plan::default()
             };
-            plan.sky.cover = cover;
+            plan.sky.cover = cover.clone();
             plan.sky.sun = Some(Sun::At(180., 30.));
             plan.sky.ground_glow = Some(0.2);
             let mesh = read_obj(speck.as_bytes()).unwrap();
-            let inputs =
+            let mut inputs =
                 Inputs::from(mesh).with_points(normals.map(|n| (at, n)));
+            inputs.sky = Some(patches.clone());
             let world = World::new(&plan, inputs, Host::default()).unwrap();
-            let sky = world.subject.sky;
+            let sky = &world.subject.sky;
             for (value, normal) in
                 values_of(&world, &plan).into_iter().zip(normals)
             {

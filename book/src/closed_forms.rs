@@ -334,14 +334,14 @@ impl Setting {
     ) -> litpt::error::Result<Self> {
         let table = AlbedoTable::new(faces, &self.intersector)?;
         let surfaces = Surfaces::new(Box::leak(table.into()), None);
-        let integrator = PathTracer::new(surfaces, self.integrator.sky);
-        Ok(Self { integrator, ..self })
+        let sky = self.integrator.sky.clone();
+        Ok(Self { integrator: PathTracer::new(surfaces, sky), ..self })
     }
 
     /// What is shown of it in an image of this width and height.
     pub fn view(&self, resolution: (u32, u32)) -> LitView<'_> {
-        let &Self { ref sensor, integrator, .. } = self;
-        let PathTracer { surfaces, sky, .. } = integrator;
+        let Self { sensor, integrator, .. } = self;
+        let PathTracer { surfaces, ref sky, .. } = *integrator;
         LitView { sensor, sky, surfaces, resolution }
     }
 
@@ -362,7 +362,8 @@ impl Setting {
 
     /// The job that renders it.
     pub fn job(&self, seed: u64) -> Job<'_, Bvh, PathTracer<'_>> {
-        let &Self { ref sensor, ref intersector, integrator } = self;
+        let Self { sensor, intersector, integrator } = self;
+        let integrator = integrator.clone();
         let known_pixels = KnownPixels::NOTHING;
         let sampler = IndependentSampler::new(seed);
         Job { sensor, intersector, integrator, known_pixels, sampler }

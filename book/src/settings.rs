@@ -74,7 +74,7 @@ impl Setting {
         let sensor = &Sensor::Camera(camera, entrance);
         let view = LitView {
             sensor,
-            sky: Sky::new(self.view.up),
+            sky: &Sky::new(self.view.up),
             surfaces: Surfaces::of(self.rho),
             resolution,
         };

@@ -133,9 +133,10 @@ class Scene:
         for those of the file. As in `pt`, it is 1 if it is not given.
     sky
         "uniform", "overcast", "cie:1" to "cie:16", the types of ISO 15469,
-        "perez:E,D", of a clearness and a brightness, or "sphere", which is
-        uniform below the horizon as well; each gives 1 to a horizontal surface
-        in the open.
+        "perez:E,D", of a clearness and a brightness, "sphere", which is
+        uniform below the horizon as well, or "FILE.smx:COLUMN", a column, from
+        1, of a sky matrix of gendaymtx, without its ground; each gives 1 to a
+        horizontal surface in the open.
     ground
         The albedo of an endless ground below the scene; None for no ground.
     zenith

@@ -17,7 +17,7 @@ use litpt::cli::run::main_with;
 use litpt::error::Error;
 use litpt::host::Host;
 use litpt::image::Format;
-use litpt::inputs::Inputs;
+use litpt::inputs::{Inputs, read_sky};
 use litpt::integrator::SingleProcess;
 use litpt::plan::{Plan, Product};
 use litpt::world::{Geometry, World};
@@ -175,7 +175,10 @@ impl Scene {
         let mesh = mesh.map(mesh::of).transpose()?;
         let open = || {
             let inputs = match mesh {
-                Some(mesh) => mesh::filled(mesh).into(),
+                Some(mesh) => Inputs {
+                    sky: read_sky(&plan, host)?,
+                    ..mesh::filled(mesh).into()
+                },
                 None => Inputs::read(&plan, host)?,
             };
             let sha256 = inputs.sha256.clone() + &sha256;

@@ -71,7 +71,7 @@ impl KnownPixels {
     /// triangles.
     pub fn background(
         camera: &Camera,
-        sky: Sky,
+        sky: &Sky,
         (width, height): (u32, u32),
         tip: DVec3,
         intersector: &Bvh,
@@ -134,7 +134,8 @@ impl KnownPixels {
             let light = corners.map(|corner| sky.radiance(corner));
             let is_even =
                 matches!(sky.cover, Cover::Uniform | Cover::Sphere);
-            let has_steps = light[0] == 0. || is_even;
+            let is_patchy = matches!(sky.cover, Cover::Matrix(..));
+            let has_steps = is_even || light[0] == 0. && !is_patchy;
             let is_along_axis = sky.zenith.abs().max_element() == 1.;
             match has_steps && is_along_axis && light == [light[0]; 4] {
                 true => TileContent::Constant(light[0]),

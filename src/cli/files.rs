@@ -13,6 +13,7 @@ use crate::image::Image;
 use crate::output::{OutputTarget, refuse_aliases};
 use crate::plan::{Outputs, Plan, Product, is_dash};
 use crate::run_output::attributes;
+use crate::sky::Cover;
 use crate::world::World;
 
 /// The files that a run will write.
@@ -22,12 +23,17 @@ use crate::world::World;
 pub fn open(plan: &Plan) -> Result<Vec<(Product, OutputTarget)>> {
     let Outputs { files, force, replaced, .. } = &plan.outputs;
     let (scene, points) = (&*plan.scene, plan.points());
+    let sky = match &plan.sky.cover {
+        Cover::Matrix(file, _) => Some(&**file),
+        _ => None,
+    };
     let reference = plan.reference.as_deref();
     let others = [reference, points];
     if is_dash(scene) && others.into_iter().flatten().any(is_dash) {
         return Err("standard input can be read once only".into());
     }
-    let read = [Some(scene), reference, plan.cache.as_deref(), points];
+    let cache = plan.cache.as_deref();
+    let read = [Some(scene), reference, cache, points, sky];
     let written = files.iter().map(|(_, path)| path.as_path());
     refuse_aliases(read.into_iter().flatten(), written)?;
     // Open what is new, or may be replaced

@@ -95,9 +95,10 @@ pub struct SceneOptions {
 
     /// Sky: uniform; overcast, three times as bright at the zenith as at the
     /// horizon; cie:1 to cie:16, the types of ISO 15469; perez:E,D, of a clearness
-    /// E and a brightness D; or sphere, uniform and below the horizon too, as for
-    /// ambient occlusion; each gives 1 to a horizontal surface in the open
-    /// [default: uniform]
+    /// E and a brightness D; sphere, uniform and below the horizon too, as for
+    /// ambient occlusion; or a column, from 1, of a sky matrix of gendaymtx, as in
+    /// FILE.smx:12, without its ground; each gives 1 to a horizontal surface in
+    /// the open [default: uniform]
     #[arg(long, value_name = "SKY", value_parser = Cover::from_str)]
     pub sky: Option<Cover>,
 

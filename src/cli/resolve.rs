@@ -121,7 +121,14 @@ impl Options {
         change.set("materials", &mut surfaces.materials, materials);
         // Set the sky and the up axis
         let sky = &mut plan.sky;
-        change.set("sky", &mut sky.cover, scene.sky);
+        match (&mut sky.cover, &scene.sky) {
+            (Cover::Matrix(old, a), Some(Cover::Matrix(new, b)))
+                if a == b =>
+            {
+                old.clone_from(new);
+            }
+            (cover, typed) => change.set("sky", cover, typed.clone()),
+        }
         change.set("sun", &mut sky.sun, scene.sun.map(Some));
         change.set("direct", &mut sky.direct, scene.direct.map(Some));
         change.set("ground", &mut sky.ground, scene.ground.map(Some));

@@ -116,6 +116,13 @@ impl SkyMatrix {
         let values = numbers.as_chunks().0.iter().map(luminous).collect();
         Ok(Self { patches, steps, values })
     }
+
+    /// The radiances of a column, from 1, if there is one.
+    pub fn column(&self, column: u32) -> Option<Vec<f64>> {
+        let at = (column as usize).checked_sub(1)?;
+        let rows = self.values.chunks(self.steps);
+        rows.map(|row| row.get(at).copied().map(f64::from)).collect()
+    }
 }
 
 /// Numbers around blanks.

@@ -26,7 +26,7 @@ use crate::sky::compass;
 const AROUND: [u32; 7] = [30, 30, 24, 24, 18, 12, 6];
 
 /// The patches of the sky.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Patches {
     /// The directions to the east, the north and the zenith.
     axes: [DVec3; 3],
@@ -40,8 +40,6 @@ impl Patches {
     /// zenith. North is the horizontal direction nearest to +y; if the zenith
     /// is +y or -y, it is -z or +z.
     pub fn new(factor: u32, zenith: DVec3) -> Self {
-        let [east, north] = compass(zenith);
-        let axes = [east, north, zenith];
         let mut rows = vec![];
         let mut first = 1;
         for count in AROUND.map(|count| factor * count) {
@@ -51,7 +49,13 @@ impl Patches {
             }
         }
         rows.push((first, 1));
-        Self { axes, rows }
+        Self { axes: [DVec3::ZERO; 3], rows }.around(zenith)
+    }
+
+    /// The same patches around another unit vector to the zenith.
+    pub fn around(&self, zenith: DVec3) -> Self {
+        let [east, north] = compass(zenith);
+        Self { axes: [east, north, zenith], rows: self.rows.clone() }
     }
 
     /// The number of columns: all patches, and what is below the horizon.
@@ -74,5 +78,22 @@ impl Patches {
         let turn = libm::atan2(x, y) / (2. * PI);
         let place = (f64::from(count) * turn + 0.5).floor() as i64;
         first + place.rem_euclid(count.into()) as u32
+    }
+
+    /// For the ground and each patch the integrals of the height above the
+    /// horizon and of its square, weighted by the height, over pi; 0 for the
+    /// ground.
+    pub fn moments(&self) -> Vec<[f64; 2]> {
+        let rows = self.rows.len() as f64 - 0.5;
+        let sine =
+            |row| libm::sin(PI / 2. * (f64::from(row) / rows).min(1.));
+        let mut moments = vec![[0.; 2]];
+        for (row, &(_, count)) in (0..).zip(&self.rows) {
+            let (a, b, n) = (sine(row), sine(row + 1), f64::from(count));
+            let first = (b * b - a * a) / n;
+            let second = 2. / 3. * (b * b * b - a * a * a) / n;
+            moments.resize(moments.len() + count as usize, [first, second]);
+        }
+        moments
     }
 }

@@ -463,7 +463,7 @@ impl Viewer {
         let subject = &world.subject;
         let Some(framing) = subject.sensed.camera() else { return };
         let View { position, target, up, fov } = framing.view;
-        let Sky { zenith, cover, .. } = subject.sky;
+        let Sky { zenith, .. } = subject.sky;
         let ((width, height), settings) =
             (framing.resolution, &mut wanted.settings);
         settings.remove("--view");
@@ -482,7 +482,7 @@ impl Viewer {
         }
         let fields = json!({
             "-r": subject.albedo, "--ground": subject.ground,
-            "--sky": cover,
+            "--sky": plan.sky.cover,
         });
         let state = json!({
             "words": self.options.words, "settings": settings,

@@ -122,7 +122,7 @@ impl Trial<'_> {
     ) -> [Path; 2] {
         let &LitView { sensor, sky, surfaces, resolution } =
             &self.setup.view;
-        let integrator = PathTracer::new(surfaces, sky);
+        let integrator = PathTracer::new(surfaces, sky.clone());
         let number = |k| IndependentSampler::new(PILOT).start(n, k);
         let mut sampler = number(0);
         let [u, v] = sampler.get_pixel_2d();

@@ -265,7 +265,7 @@ impl<'a> Setup<'a> {
     fn paths(&self, control: u64) -> PathTracer<'a> {
         let LitView { surfaces, sky, .. } = self.view;
         let control = control as f64 / 100.;
-        PathTracer { control, ..PathTracer::new(surfaces, sky) }
+        PathTracer { control, ..PathTracer::new(surfaces, sky.clone()) }
     }
 
     /// The renderer of paths.

@@ -33,7 +33,7 @@ pub fn draw(out: &mut Out) -> Done {
         let tip = tip.ok_or("the camera is far away")?;
         let (camera, size) = (&stage.camera, stage.size);
         let known =
-            KnownPixels::background(camera, sky, size, tip, &stage.bvh);
+            KnownPixels::background(camera, &sky, size, tip, &stage.bvh);
         let (empty, all) = known.count();
         out.number(&format!("tiles {name}"), "all", all as f64)?;
         out.number(&format!("tiles {name}"), "empty", empty as f64)?;
