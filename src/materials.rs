@@ -200,7 +200,7 @@ impl FaceAlbedos {
                 continue;
             };
             *of_kind = name;
-            // Find the bsdf under the current names
+            // Find how a face under the current names scatters
             let [object, groups, material] = current;
             let albedo = named.materials.get(material).unwrap_or(&others);
             let mut bsdf = match named.panes.get(material) {
@@ -302,7 +302,7 @@ impl AlbedoTable {
         bvh.for_each(|slot, &[a, b, c]| {
             let bsdf = faces.bsdf(bvh.face(slot));
             let albedo = bsdf.albedo();
-            // Number a bsdf
+            // Number a way to scatter
             let next = table.albedos.len();
             let number = *numbered.entry(bsdf.key()).or_insert(next);
             if number == next {

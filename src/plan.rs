@@ -471,6 +471,27 @@ impl Plan {
             require(is_valid, "albedo", albedo, wanted)?;
         }
         self.sky.check()?;
+        self.check_transmission()?;
+        let Budget { samples, time, error } = self.budget;
+        let (samples, time) = (samples.unwrap_or(1), time.unwrap_or(0.));
+        require(samples > 0, "samples", samples, "expected at least 1")?;
+        let wanted = "expected seconds, not less than 0";
+        require(time >= 0., "time", time, wanted)?;
+        let error = error.map_or(1., |(error, _)| error);
+        require(error > 0., "error", error, "expected more than 0")?;
+        self.camera().map_or(Ok(()), CameraPlan::check)?;
+        self.tally.as_ref().map_or(Ok(()), |it| self.check_tally(it))?;
+        let is_square = self.tally
+            == Some(Tally::ViewFactors(Surface::Faces))
+            && matches!(self.sensor, SensorPlan::Faces { .. });
+        let wanted = "needs faces as rows and as columns of view factors";
+        let closed = self.outputs.closed;
+        require(!closed || is_square, "closed", "", wanted)?;
+        self.part.map_or(Ok(()), |part| self.check_part(part))
+    }
+
+    /// Checks what surfaces let through.
+    fn check_transmission(&self) -> Result<()> {
         let is_opaque = !self.transmits();
         let leaves = matches!(
             self.sensor,
@@ -495,22 +516,7 @@ impl Plan {
             };
             require(is_valid, option, value, wanted)?;
         }
-        let Budget { samples, time, error } = self.budget;
-        let (samples, time) = (samples.unwrap_or(1), time.unwrap_or(0.));
-        require(samples > 0, "samples", samples, "expected at least 1")?;
-        let wanted = "expected seconds, not less than 0";
-        require(time >= 0., "time", time, wanted)?;
-        let error = error.map_or(1., |(error, _)| error);
-        require(error > 0., "error", error, "expected more than 0")?;
-        self.camera().map_or(Ok(()), CameraPlan::check)?;
-        self.tally.as_ref().map_or(Ok(()), |it| self.check_tally(it))?;
-        let is_square = self.tally
-            == Some(Tally::ViewFactors(Surface::Faces))
-            && matches!(self.sensor, SensorPlan::Faces { .. });
-        let wanted = "needs faces as rows and as columns of view factors";
-        let closed = self.outputs.closed;
-        require(!closed || is_square, "closed", "", wanted)?;
-        self.part.map_or(Ok(()), |part| self.check_part(part))
+        Ok(())
     }
 
     /// Checks that the receivers can have this tally.
@@ -531,17 +537,9 @@ impl Plan {
             SensorPlan::Faces { radiosity: true, .. } => {
                 "sorts what arrives, and not the radiosity"
             }
-            _ if self.sky.direct.is_some() => {
-                "has no light of a sun, and not --direct"
-            }
-            _ if transmits && tally.is_of_surfaces() => {
-                "ends at the first surface, and looks through none (--glass, \
-                  --transmit)"
-            }
-            _ if transmits && !has_patches => {
-                "follows what surfaces reflect, and not what they transmit \
-                 (--glass, --transmit)"
-            }
+            _ if self.sky.direct.is_some() => NO_SUN,
+            _ if transmits && tally.is_of_surfaces() => NOT_THROUGH,
+            _ if transmits && !has_patches => NO_SHEET,
             _ if has_patches && !is_uniform => {
                 "needs the uniform sky without a glow, whose light does not matter"
             }
@@ -652,6 +650,17 @@ impl SkyPlan {
         require(is_lit, "sky", &self.cover, wanted)
     }
 }
+
+/// Why a tally refuses the sun.
+const NO_SUN: &str = "has no light of a sun, and not --direct";
+
+/// Why view factors refuse what lets light through.
+const NOT_THROUGH: &str = "ends at the first surface, and looks through none \
+                           (--glass, --transmit)";
+
+/// Why a derivative refuses it.
+const NO_SHEET: &str = "follows what surfaces reflect, and not what they \
+                        transmit (--glass, --transmit)";
 
 /// What the option for glass takes.
 const GLASS: &str = "expected a transmittance from 0 to 0.9183: clear glass \

@@ -108,7 +108,7 @@ impl Sensor {
             }
         }
         let mut rays = rays.iter().flatten().count() as u64;
-        // Look through panes
+        // Look through panes from the camera
         if surfaces.transmits {
             for i in 0..BEAM {
                 let (hit, part, more) = surfaces.behind_panes(

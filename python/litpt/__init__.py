@@ -145,7 +145,7 @@ class Scene:
         The direction to the sun, or its azimuth, from +y towards +x where z is
         up, and its altitude, in degrees; needed by skies that are brighter
         around it.
-        ground_glow
+    ground_glow
         The albedo of a ground in the open that is seen below the horizon where
         nothing else is.
     direct

@@ -103,6 +103,7 @@ impl Options {
             change.set("albedo", &mut surfaces.named, Some(named));
         }
         change.set("band", &mut surfaces.band, scene.band.map(Some));
+        // Set what lets light through
         if !scene.glass.is_empty() || !scene.transmit.is_empty() {
             let panes = scene.glass.iter();
             let panes = panes.filter_map(|(name, part)| {

@@ -55,7 +55,7 @@ impl<K: Intersector> Tracer<'_, K> {
             let mut hits: Vec<_> = begun.collect();
             paths += BATCH;
             for _ in 0..REFLECTIONS {
-                // Choose the sides of transmitters
+                // Choose the sides of sheets
                 if surfaces.transmits {
                     for y in &mut hits {
                         *y = surfaces.lit_side(y, &mut random.random());
