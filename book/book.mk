@@ -396,6 +396,11 @@ peers: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(PEERS)/installed
 	$(RECORD) autonomy python3 $(SCRIPTS)/autonomy_coverage.py \
 	  $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(PEERS)
 
+# What panes transmit, beside Radiance: seconds.
+.PHONY: pane
+pane: $(BUILD_DIR)/pt $(PEERS)/installed
+	$(RECORD) pane $(PEERS)/bin/python $(SCRIPTS)/pane.py $(BUILD_DIR)/pt
+
 # ---- the pictures of the README
 
 .PHONY: readme screens
