@@ -29,10 +29,12 @@ use sha2::{Digest, Sha256};
 use crate::error::{Error, Result};
 use crate::host::Host;
 use crate::materials::{Defined, libraries};
+use crate::matrix::daylight::SkyMatrix;
 use crate::plan::{Plan, input_name, is_dash};
 use crate::scene::{Mesh, begins_obj, read_file};
 use crate::sensor::{Point, read_points};
 use crate::sky::{Cover, Patchwork};
+use crate::tally::patches::Patches;
 
 /// The inputs of a plan.
 #[derive(Clone, Default)]
@@ -126,9 +128,40 @@ pub fn read_sky(plan: &Plan, host: Host) -> Result<Option<Arc<Patchwork>>> {
         return Ok(None);
     };
     let bytes = load(file, false, host)?;
-    let sky = Patchwork::read(&bytes, file.clone(), *column);
+    let sky = patchwork(&bytes, file, *column);
     let sky = sky.map_err(|error| error.of_file(input_name(file)))?;
     Ok(Some(sky.into()))
+}
+
+/// The sky of a column of a sky matrix.
+///
+/// # Errors
+/// The bytes are none, there is no such column, or it has no light.
+pub fn patchwork(
+    bytes: &[u8],
+    file: &Path,
+    column: Option<u32>,
+) -> Result<Patchwork> {
+    let typed = Cover::Matrix(file.to_owned(), column);
+    let matrix = SkyMatrix::read(bytes)?;
+    let (count, steps) = (matrix.patches, matrix.steps);
+    let factors = [(146, 1), (578, 2), (2306, 4)];
+    let factor = factors.into_iter().find(|(n, _)| *n == count);
+    let wanted = "and skies have 146, 578 or 2306";
+    let fault = format!("it has {count} rows, {wanted}");
+    let (_, factor) = factor.ok_or(fault)?;
+    let fault =
+        format!("it has {steps} columns: name one, as in {typed}:1");
+    let only = (steps == 1).then_some(1);
+    let column = column.or(only).ok_or(fault)?;
+    let fault = format!("it has {steps} columns, and none {column}");
+    let values = matrix.column(column).ok_or(fault)?;
+    let hashed = format!("{}.smx", sha256(bytes)).into();
+    let covers = [typed, Cover::Matrix(hashed, Some(column))];
+    let patches = Patches::new(factor, DVec3::Z);
+    let fault =
+        format!("its column {column} has no light above the horizon");
+    Ok(Patchwork::new(covers, patches, &values).ok_or(fault)?)
 }
 
 /// The bytes of a file, which the first process reads.

@@ -31,11 +31,8 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::error::Result;
-use crate::inputs::sha256;
-use crate::matrix::daylight::SkyMatrix;
 use crate::numerics::normalise;
-use crate::tally::patches::Patches;
+use crate::tally::patches::{Patches, compass};
 use sun::Beam;
 
 /// How the radiance of the sky is distributed; a horizontal surface in the
@@ -202,16 +199,6 @@ impl Sun {
             }
         }
     }
-}
-
-/// The unit vectors to the east and to the north, which is the horizontal
-/// direction nearest to +y; if the zenith is +y or -y, it is -z or +z.
-pub fn compass(zenith: DVec3) -> [DVec3; 2] {
-    let across = DVec3::Y.reject_from_normalized(zenith);
-    let is_vertical = across.length_squared() < 1e-12;
-    let other = DVec3::NEG_Z * zenith.y.signum();
-    let north = if is_vertical { other } else { across.normalize() };
-    [north.cross(zenith), north]
 }
 
 /// A sky that changes towards the horizon, and towards the sun.
@@ -390,31 +377,18 @@ pub struct Patchwork {
     even: [f64; 2],
 }
 impl Patchwork {
-    /// Reads a column of a sky matrix.
+    /// A sky of these patches with these relative radiances, or none if it
+    /// has no light above the horizon; it was typed so, and keys call it
+    /// `cover`.
     ///
-    /// # Errors
-    /// It is none, there is no such column, or it has no light.
-    pub fn read(
-        bytes: &[u8],
-        file: PathBuf,
-        column: Option<u32>,
-    ) -> Result<Self> {
-        let typed = Cover::Matrix(file, column);
-        let matrix = SkyMatrix::read(bytes)?;
-        let (count, steps) = (matrix.patches, matrix.steps);
-        let factors = [(146, 1), (578, 2), (2306, 4)];
-        let factor = factors.into_iter().find(|(n, _)| *n == count);
-        let wanted = "and skies have 146, 578 or 2306";
-        let fault = format!("it has {count} rows, {wanted}");
-        let (_, factor) = factor.ok_or(fault)?;
-        let fault =
-            format!("it has {steps} columns: name one, as in {typed}:1");
-        let only = (steps == 1).then_some(1);
-        let column = column.or(only).ok_or(fault)?;
-        let fault = format!("it has {steps} columns, and none {column}");
-        let values = matrix.column(column).ok_or(fault)?;
+    /// # Panics
+    /// A patch has no radiance.
+    pub fn new(
+        [typed, cover]: [Cover; 2],
+        patches: Patches,
+        values: &[f64],
+    ) -> Option<Self> {
         // Find the radiances of the patches
-        let patches = Patches::new(factor, DVec3::Z);
         let moments = patches.moments();
         let moment = |k: usize| {
             let parts = values.iter().zip(&moments).map(|(x, m)| x * m[k]);
@@ -422,14 +396,11 @@ impl Patchwork {
         };
         let (first, second) = (moment(0), moment(1));
         if !(first > 0. && first.is_finite()) {
-            let fault = "has no light above the horizon";
-            return Err(format!("its column {column} {fault}").into());
+            return None;
         }
-        let file = format!("{}.smx", sha256(bytes)).into();
-        let cover = Cover::Matrix(file, Some(column));
         let radiances = values.iter().map(|x| x / first).collect();
         let even = nearest(second / first);
-        Ok(Self { typed, cover, patches, radiances, even })
+        Some(Self { typed, cover, patches, radiances, even })
     }
 
     /// The radiance of a direction above the horizon.

@@ -211,13 +211,14 @@ fn mixed(row: usize, column: usize) -> f64 {
 /// The patches of the second of some columns.
 fn patchwork(rows: usize, columns: usize) -> Patchwork {
     let bytes = matrix(rows, columns, mixed);
-    Patchwork::read(&bytes, "a.smx".into(), Some(2)).unwrap()
+    litpt::inputs::patchwork(&bytes, Path::new("a.smx"), Some(2)).unwrap()
 }
 
 #[test]
 fn a_matrix_of_ones_is_the_uniform_sky() {
     let bytes = matrix(146, 1, |row, _| if row == 0 { 7. } else { 3. });
-    let read = Patchwork::read(&bytes, "a.smx".into(), None).unwrap();
+    let read =
+        litpt::inputs::patchwork(&bytes, Path::new("a.smx"), None).unwrap();
     let [sky, uniform] =
         [Sky::of(UP, &read), Sky::with(UP, Cover::Uniform)];
     for w in directions(1000) {

@@ -20,7 +20,15 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::sky::compass;
+/// The unit vectors to the east and to the north, which is the horizontal
+/// direction nearest to +y; if the zenith is +y or -y, it is -z or +z.
+pub fn compass(zenith: DVec3) -> [DVec3; 2] {
+    let across = DVec3::Y.reject_from_normalized(zenith);
+    let is_vertical = across.length_squared() < 1e-12;
+    let other = DVec3::NEG_Z * zenith.y.signum();
+    let north = if is_vertical { other } else { across.normalize() };
+    [north.cross(zenith), north]
+}
 
 /// The patches of a row of Tregenza's, from the horizon to the zenith.
 const AROUND: [u32; 7] = [30, 30, 24, 24, 18, 12, 6];
