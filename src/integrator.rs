@@ -7,7 +7,7 @@
 //! Its bits belong to `SAMPLE_VERSION`.
 
 pub mod gather;
-pub mod shadow;
+pub mod sunlight;
 pub mod tally;
 
 use std::borrow::Cow;
@@ -22,7 +22,6 @@ use crate::materials::Surfaces;
 use crate::sampler::{Sampler, cosine_direction, dimension};
 use crate::scene::Ray;
 use crate::sky::Sky;
-use shadow::Shadow;
 
 /// What a path does at the end of a ray.
 #[derive(Clone, Copy, Debug)]
@@ -336,6 +335,63 @@ impl Integrator for PathTracer<'_> {
             return path.look_for_sun(sun, ray, hit.primitive);
         }
         PathEvent::Scatter(ray, hit.primitive)
+    }
+}
+
+/// A ray to the sun, which a path sends before it goes on.
+#[derive(Clone, Copy, Debug)]
+pub struct Shadow {
+    /// Its direction.
+    direction: DVec3,
+    /// What the sun contributes if nothing is in the way.
+    light: f64,
+    /// Where the path goes on, and the triangle that it leaves.
+    next: (Ray, u32),
+}
+
+impl PathState {
+    /// Sends a shadow ray to a point of the sun, which gives this irradiance,
+    /// and then goes on with a ray that leaves a triangle.
+    #[inline]
+    pub fn look_for_sun(
+        &mut self,
+        (direction, irradiance): (DVec3, f64),
+        ray: Ray,
+        from: u32,
+    ) -> PathEvent {
+        let light = self.throughput * irradiance;
+        if light == 0. {
+            return PathEvent::Scatter(ray, from);
+        }
+        self.shadow = Some(Shadow { direction, light, next: (ray, from) });
+        PathEvent::Scatter(Ray { direction, ..ray }, from)
+    }
+}
+
+impl Shadow {
+    /// Ends a shadow ray of a path, which has met this, or lets it go on
+    /// through a pane.
+    #[inline]
+    pub fn end(
+        self,
+        path: &mut PathState,
+        surfaces: &Surfaces,
+        hit: Option<Hit>,
+    ) -> PathEvent {
+        let Self { direction, light, next: (ray, from) } = self;
+        if let Some(hit) = hit
+            && let Some(part) = surfaces.pane(&hit, direction)
+        {
+            path.shadow = Some(Self { light: light * part, ..self });
+            let ray = Ray { origin: hit.point, direction };
+            return PathEvent::Scatter(ray, hit.primitive);
+        }
+        if hit.is_none() {
+            path.sunlight += light;
+            path.direct += if path.bounces == 1 { light } else { 0. };
+        }
+        path.shadow = None;
+        PathEvent::Scatter(ray, from)
     }
 }
 

@@ -24,14 +24,15 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs;
 use std::path::Path;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::bvh::{Bvh, GROUND};
+use crate::bvh::{Bvh, GROUND, Hit, Intersector};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::encoding::quoted;
 use crate::scene::mtl::{Clear, Library, read_mtl};
-use crate::scene::{Mark, MarkKind};
-use glass::{Bsdf, CLEAREST};
+use crate::scene::{Mark, MarkKind, Ray};
+use glass::{Bsdf, CLEAREST, Pane};
 
 /// The files in a folder that a statement refers to.
 fn files(line: &str, folder: &Path) -> Vec<String> {
@@ -391,3 +392,66 @@ impl<'a> Surfaces<'a> {
         if albedo == self.most { 1. } else { albedo / self.most }
     }
 }
+
+impl Surfaces<'_> {
+    /// The transmittance of the pane that a ray in this direction meets; none
+    /// if the surface is no pane.
+    #[inline(always)]
+    pub fn pane(&self, hit: &Hit, direction: DVec3) -> Option<f64> {
+        if !self.transmits {
+            return None;
+        }
+        match self.bsdf(hit.primitive) {
+            Bsdf::Glass(transmittance) => {
+                let cosine = hit.normal.dot(direction).abs();
+                let pane = Pane::new(transmittance);
+                Some(pane.transmittance(cosine.min(1.)))
+            }
+            _ => None,
+        }
+    }
+
+    /// What a ray meets behind all panes, given its first hit; the part of
+    /// the light from there that they transmit; and the rays traced.
+    #[inline(always)]
+    pub fn behind_panes(
+        &self,
+        intersector: &impl Intersector,
+        direction: DVec3,
+        mut hit: Option<Hit>,
+    ) -> (Option<Hit>, f64, u64) {
+        let (mut transmittance, mut rays) = (1., 0);
+        while let Some(met) = hit
+            && let Some(part) = self.pane(&met, direction)
+        {
+            let ray = Ray { origin: met.point, direction };
+            hit = intersector.first_hit(&ray, Some(met.primitive));
+            transmittance *= part;
+            rays += 1;
+        }
+        (hit, transmittance, rays)
+    }
+
+    /// A surface seen from the side on which the light falls that it scatters
+    /// to the ray that has hit it: from behind for the part that it transmits.
+    /// The number `u` chooses, and is uniform over [0, 1) before and after.
+    #[inline(always)]
+    pub fn lit_side(&self, hit: &Hit, u: &mut f64) -> Hit {
+        if !self.transmits {
+            return *hit;
+        }
+        let share = match self.bsdf(hit.primitive) {
+            Bsdf::Transmitter([back, on]) if on > 0. => back / (back + on),
+            _ => return *hit,
+        };
+        if *u < share {
+            *u /= share;
+            return *hit;
+        }
+        *u = ((*u - share) / (1. - share)).min(BELOW_ONE);
+        Hit { normal: -hit.normal, ..*hit }
+    }
+}
+
+/// The largest number below 1.
+const BELOW_ONE: f64 = 1. - 0.5 * f64::EPSILON;

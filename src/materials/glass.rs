@@ -14,12 +14,7 @@
 //!
 //! Its bits belong to `SAMPLE_VERSION`.
 
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
-
-use super::Surfaces;
-use crate::bvh::{Hit, Intersector};
-use crate::scene::Ray;
 
 /// How a face scatters light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -131,66 +126,3 @@ impl Pane {
         self.shares(cosine)[0]
     }
 }
-
-impl Surfaces<'_> {
-    /// The transmittance of the pane that a ray in this direction meets; none
-    /// if the surface is no pane.
-    #[inline(always)]
-    pub fn pane(&self, hit: &Hit, direction: DVec3) -> Option<f64> {
-        if !self.transmits {
-            return None;
-        }
-        match self.bsdf(hit.primitive) {
-            Bsdf::Glass(transmittance) => {
-                let cosine = hit.normal.dot(direction).abs();
-                let pane = Pane::new(transmittance);
-                Some(pane.transmittance(cosine.min(1.)))
-            }
-            _ => None,
-        }
-    }
-
-    /// What a ray meets behind all panes, given its first hit; the part of
-    /// the light from there that they transmit; and the rays traced.
-    #[inline(always)]
-    pub fn behind_panes(
-        &self,
-        intersector: &impl Intersector,
-        direction: DVec3,
-        mut hit: Option<Hit>,
-    ) -> (Option<Hit>, f64, u64) {
-        let (mut transmittance, mut rays) = (1., 0);
-        while let Some(met) = hit
-            && let Some(part) = self.pane(&met, direction)
-        {
-            let ray = Ray { origin: met.point, direction };
-            hit = intersector.first_hit(&ray, Some(met.primitive));
-            transmittance *= part;
-            rays += 1;
-        }
-        (hit, transmittance, rays)
-    }
-
-    /// A surface seen from the side on which the light falls that it scatters
-    /// to the ray that has hit it: from behind for the part that it transmits.
-    /// The number `u` chooses, and is uniform over [0, 1) before and after.
-    #[inline(always)]
-    pub fn lit_side(&self, hit: &Hit, u: &mut f64) -> Hit {
-        if !self.transmits {
-            return *hit;
-        }
-        let share = match self.bsdf(hit.primitive) {
-            Bsdf::Transmitter([back, on]) if on > 0. => back / (back + on),
-            _ => return *hit,
-        };
-        if *u < share {
-            *u /= share;
-            return *hit;
-        }
-        *u = ((*u - share) / (1. - share)).min(BELOW_ONE);
-        Hit { normal: -hit.normal, ..*hit }
-    }
-}
-
-/// The largest number below 1.
-const BELOW_ONE: f64 = 1. - 0.5 * f64::EPSILON;
