@@ -831,6 +831,10 @@ fn wrong_tallies_are_refused_in_words() {
         ("--faces --view-factors=faces -o a.ply", "a.ply"),
         ("--faces --view-factors=groups -o a.vf", "a.vf"),
         ("--points=points.txt --sky-patches=3", "1, 2 or 4"),
+        (
+            "--points=points.txt --sky-patches=4 --integrator=gather",
+            "sobol alone",
+        ),
         ("--points=points.txt --sky-patches=1 -o a.vf", ".mtx"),
         (
             "--points=points.txt --sky-patches=1 --derivative=floor",

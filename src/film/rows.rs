@@ -130,12 +130,20 @@ impl Entry {
     /// The entries of a row whose parts have so many columns each, as those
     /// of one part.
     pub fn joined(row: &[Self], columns: u32) -> Vec<Self> {
+        let of_part = |entry: &Self| Self {
+            column: entry.column % columns,
+            ..*entry
+        };
+        let entries = row.iter().map(of_part);
+        if row.len() < columns as usize {
+            return Self::combined(entries.collect());
+        }
+        // Add many entries without sorting them
         let mut sums = vec![None::<Self>; columns as usize];
-        for entry in row {
-            let column = entry.column % columns;
-            match &mut sums[column as usize] {
-                Some(sum) => sum.add(entry),
-                none => *none = Some(Self { column, ..*entry }),
+        for entry in entries {
+            match &mut sums[entry.column as usize] {
+                Some(sum) => sum.add(&entry),
+                none => *none = Some(entry),
             }
         }
         sums.into_iter().flatten().collect()
