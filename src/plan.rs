@@ -525,7 +525,10 @@ impl Plan {
             && self.sky.ground_glow.is_none();
         let has_patches = !matches!(tally, Tally::Derivative(_));
         let transmits = self.transmits();
-        let is_nets = self.method.is_none_or(|m| m == Method::Sobol);
+        let is_fit = match self.method {
+            Some(Method::Gather) => tally.can_gather(),
+            method => method.is_none_or(|m| m == Method::Sobol),
+        };
         let error = self.budget.error;
         let is_relative = error.is_some_and(|(_, norm)| norm.relative);
         let (name, value) = tally.named();
@@ -543,7 +546,7 @@ impl Plan {
             _ if has_patches && !is_uniform => {
                 "needs the uniform sky without a glow, whose light does not matter"
             }
-            _ if !is_nets => "is sampled by the method sobol alone",
+            _ if !is_fit => "is sampled by the method sobol alone",
             _ if tally.is_of_surfaces() && is_relative => {
                 "needs an absolute error: entries may be 0"
             }

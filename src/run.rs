@@ -287,10 +287,12 @@ impl<'a> Run<'a> {
     }
 
     /// Fails if there is no memory for the rows of a tally, of which each sample
-    /// may fill an entry.
+    /// may fill an entry, or all entries if it gathers.
     fn ask_for_rows(&self, columns: &Columns, rows: usize) -> Result<()> {
         let width = u64::from(columns.count) * columns.tally.parts();
-        let filled = self.goal().map_or(width, |n| n.min(width));
+        let is_dense = self.key.sampling.method == Method::Gather;
+        let goal = self.goal().filter(|_| !is_dense);
+        let filled = goal.map_or(width, |n| n.min(width));
         let entries = filled.saturating_mul(rows as u64) as usize;
         reserved::<[u128; 2]>(entries).map(drop).map_err(|_| {
             let (count, bytes) = (columns.count, metric(32. * entries as f64));
@@ -342,7 +344,11 @@ impl<'a> Run<'a> {
         require(is_there, "sample", &sample, "nothing is rendered there")?;
         // Trace a sample of the run
         let RunKey { sampling, part, .. } = self.key;
-        if sampling.method == Method::Gather {
+        let is_gather = sampling.method == Method::Gather;
+        let has_path = !is_gather || self.world.columns.is_none();
+        let fault = "a row is gathered, and not along one path";
+        require(has_path, "sample", &sample, fault)?;
+        if is_gather {
             self.renderer.learn(&mut self.key.film(), &|_| true);
         }
         let setup = self.world.setup();

@@ -66,6 +66,11 @@ impl Tally {
         }
     }
 
+    /// Whether its rows can be gathered from a cache.
+    pub fn can_gather(&self) -> bool {
+        matches!(self, Self::SkyPatches(1 | 2))
+    }
+
     /// The parts of a row, among which replicates are divided in turn.
     pub fn parts(&self) -> u64 {
         match self {

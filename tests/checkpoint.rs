@@ -184,16 +184,18 @@ fn what_cannot_be_learnt_is_refused() {
     let ends = [0, 9, first - 1, first, of_guides, whole.len() - 1];
     assert!(ends.iter().all(|&end| read(&whole[..end]).is_err()));
     let head = String::from_utf8(whole[..first].to_vec()).unwrap();
-    let ours = format!("{cells},{guides},false,[]]");
+    let ours = format!("{cells},{guides},false,[],0]");
     assert!(head.contains(&ours));
     let others =
         [0, 1, 3, cells - 1, 2 * cells, usize::MAX / 16, usize::MAX];
-    let of_cells = others.map(|n| format!("{n},{guides},false,[]]"));
-    let of_guides = others.map(|n| format!("{cells},{n},false,[]]"));
+    let of_cells = others.map(|n| format!("{n},{guides},false,[],0]"));
+    let of_guides = others.map(|n| format!("{cells},{n},false,[],0]"));
     let other = [
-        format!("{cells},{guides},true,[]]"),
-        format!("{cells},{guides},false,[1]]"),
-        format!("{cells},{guides},false,[{}]]", usize::MAX),
+        format!("{cells},{guides},true,[],0]"),
+        format!("{cells},{guides},false,[],1]"),
+        format!("{cells},{guides},false,[],{}]", usize::MAX),
+        format!("{cells},{guides},false,[1],0]"),
+        format!("{cells},{guides},false,[{}],0]", usize::MAX),
     ];
     for theirs in of_cells.into_iter().chain(of_guides).chain(other) {
         let head = head.replace(&ours, &theirs);

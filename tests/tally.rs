@@ -233,11 +233,15 @@ fn state(world: &World, plan: &Plan, threads: usize) -> Vec<u8> {
 
 #[test]
 fn threads_and_parts_change_no_bit_of_a_row() {
-    for tally in [Tally::ViewFactors(Surface::Faces), Tally::SkyPatches(2)]
-    {
+    for (tally, method) in [
+        (Tally::ViewFactors(Surface::Faces), Method::Sobol),
+        (Tally::SkyPatches(2), Method::Sobol),
+        (Tally::SkyPatches(1), Method::Gather),
+    ] {
         let mut text = CUBE.to_owned();
         text.truncate(text.len() - "f 4 8 5 1\n".len());
-        let whole = plan(FACES, tally, 1 << 11);
+        let mut whole = plan(FACES, tally, 1 << 11);
+        whole.method = Some(method);
         let world = world(&text, &whole, DVec3::Z);
         let bytes = state(&world, &whole, 1);
         assert_eq!(bytes, state(&world, &whole, 3));
@@ -598,6 +602,156 @@ fn a_sky_that_is_none_is_refused() {
     assert!(SkyMatrix::read(windows.as_bytes()).is_ok());
 }
 
+/// A room of 4 m x 3 m with a window in the west, before which slats stand.
+fn slatted_room() -> String {
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let wall = |at: DVec3, across, up| rectangle(at, across, up);
+    let mut text = wall(DVec3::ZERO, 4. * x, 3. * y)
+        + &wall(2.5 * z, 3. * y, 4. * x)
+        + &wall(DVec3::ZERO, 2.5 * z, 4. * x)
+        + &wall(3. * y, 4. * x, 2.5 * z)
+        + &wall(4. * x, 2.5 * z, 3. * y);
+    // Leave a window of 1 m x 1 m
+    text += &wall(DVec3::ZERO, 3. * y, z);
+    text += &wall(2. * z, 3. * y, 0.5 * z);
+    text += &wall(z, y, z);
+    text += &wall(2. * y + z, y, z);
+    for k in 0..8 {
+        let at = DVec3::new(0.3, 1. + 0.13 * f64::from(k), 0.8);
+        text += &wall(at, 0.15 * x, 1.4 * z);
+    }
+    text
+}
+
+/// Sensors in that room: beside the slats, behind them, and far away.
+fn slatted_sensors() -> Vec<(DVec3, DVec3)> {
+    let at = |x, y, z| DVec3::new(x, y, z);
+    let west = -DVec3::X;
+    vec![
+        (at(0.6, 1.5, 0.9), DVec3::Z),
+        (at(0.5, 0.9, 1.5), DVec3::Y),
+        (at(1., 1.5, 1.5), west),
+        (at(2., 1., 0.9), DVec3::Z),
+        (at(3., 2., 0.9), DVec3::Z),
+        (at(3.5, 0.5, 1.5), at(-0.6, 0.8, 0.)),
+    ]
+}
+
+/// Runs of a plan with other seeds: the entries and the mean squares of their
+/// errors. The training takes so many rays, if that is given.
+fn runs(
+    plan: &Plan,
+    training: Option<u64>,
+    seeds: u64,
+) -> (Vec<Vec<f64>>, f64) {
+    let mesh = read_obj(slatted_room().as_bytes()).unwrap();
+    let inputs = Inputs::from(mesh).with_points(slatted_sensors());
+    let world = World::new(plan, inputs, Host::default()).unwrap();
+    let (mut tables, mut square) = (vec![], 0.);
+    for seed in 0..seeds {
+        let plan = Plan { seed, ..plan.clone() };
+        let mut run = Run::new(&world, &plan, Host::default()).unwrap();
+        if let Some(training) = training {
+            let sampling = Sampling { training, ..run.key.sampling };
+            let (setup, learnt) = (world.setup(), run.learnt.clone());
+            run.renderer =
+                setup.renderer(&sampling, learnt, &SingleProcess);
+        }
+        let film = run.render(&Interrupt::default()).unwrap().film;
+        let matrix = world.matrix(&film).unwrap();
+        let height = matrix.height();
+        tables.push((0..height).flat_map(|k| matrix.dense(k)).collect());
+        let cells = rows(&matrix).concat();
+        square += cells.iter().map(|cell| cell.2.powi(2)).sum::<f64>();
+    }
+    (tables, square / seeds as f64)
+}
+
+/// Mean and variance of the mean of a part of each of some tables.
+fn spread(tables: &[Vec<f64>], part: impl Fn(&[f64]) -> f64) -> [f64; 2] {
+    let mut sum = Accumulator::default();
+    tables.iter().for_each(|table| sum.add(part(table)));
+    [sum.mean(), sum.standard_error().powi(2)]
+}
+
+// One has trained as usual, and another has learnt nothing, so that its
+// corrections do all the work.
+#[test]
+fn gathered_coefficients_have_the_mean_of_those_in_nets() {
+    let chance = &mut Chance::default();
+    let points = SensorPlan::Points("points".into());
+    let mut plan = plan(points, Tally::SkyPatches(1), 1 << 12);
+    plan.method = Some(Method::Sobol);
+    const SEEDS: u64 = 24;
+    let (nets, _) = runs(&plan, None, SEEDS);
+    plan.method = Some(Method::Gather);
+    for (training, samples) in [(None, 1 << 10), (Some(0), 1 << 12)] {
+        plan.budget = Budget::samples(samples);
+        let (gathered, square) = runs(&plan, training, SEEDS);
+        let mut judge = |part: &dyn Fn(&[f64]) -> f64| {
+            let [a, b] = [&nets, &gathered].map(|t| spread(t, part));
+            if a[0] > 0. {
+                let error = (a[1] + b[1]).sqrt();
+                chance.judge([b[0] - a[0], error], 0., SEEDS as f64);
+            }
+        };
+        judge(&|table| table.iter().sum());
+        for row in 0..6 {
+            judge(&|table| table[146 * row..][..146].iter().sum());
+        }
+        for column in 0..146 {
+            judge(&|table| table[column..].iter().step_by(146).sum());
+        }
+        // The errors that it states are those of its entries
+        let variance = |k| SEEDS as f64 * spread(&gathered, |t| t[k])[1];
+        let variance: f64 = (0..6 * 146).map(variance).sum();
+        let ratio = square / variance;
+        assert!((0.6..1.6).contains(&ratio), "{training:?}: {ratio}");
+    }
+}
+
+#[test]
+fn rows_are_gathered_where_that_gains() {
+    let at = |height: f64| vec![(height * DVec3::Z, DVec3::Z)];
+    let method = |text: &str, points, factor, samples| {
+        let sensor = SensorPlan::Points("points".into());
+        let plan = plan(sensor, Tally::SkyPatches(factor), samples);
+        let inputs = Inputs::from(read_obj(text.as_bytes()).unwrap());
+        let inputs = inputs.with_points(points);
+        let world = World::new(&plan, inputs, Host::default()).unwrap();
+        let run = Run::new(&world, &plan, Host::default()).unwrap();
+        run.key.sampling.method
+    };
+    let (room, speck) =
+        (slatted_room(), "v 0 0 0\nv 1e-3 0 0\nv 0 1e-3 0\nf 1 2 3\n");
+    let inside = slatted_sensors;
+    let long = 1 << 15;
+    assert_eq!(method(&room, inside(), 1, long), Method::Gather);
+    assert_eq!(method(&room, inside(), 2, long), Method::Gather);
+    assert_eq!(method(&room, inside(), 4, long), Method::Sobol);
+    assert_eq!(method(&room, inside(), 1, 1 << 9), Method::Sobol);
+    assert_eq!(method(speck, at(9.), 1, 1 << 18), Method::Sobol);
+}
+
+#[test]
+fn a_state_of_gathered_rows_goes_on_by_its_method() {
+    let place = Scratch::new();
+    place.put("room.obj", slatted_room());
+    place.put("points.txt", "2 1 0.9 0 0 1\n3 2 0.9 0 0 1\n");
+    let line = "room.obj --points=points.txt --sky-patches=1 -r0.5 -q";
+    let gather = format!("{line} --integrator=gather");
+    let half = format!("{gather} -n2048 --checkpoint=c.litpt");
+    place.free(&format!("{half} -o a.csv")).succeeded();
+    // Go on with the same cache, but not by another method
+    let on = "--resume=c.litpt -n4096 -qfo b.csv";
+    place.free(on).succeeded();
+    assert!(place.get("a.csv") != place.get("b.csv"));
+    let other = "--resume=c.litpt -n9999 --integrator=sobol -qfo d.csv";
+    place.free(other).failed(1, &["another run", "gather"]);
+    let sample = format!("{gather} -n64 --sample=0,0,0");
+    place.free(&sample).failed(1, &["not along one path"]);
+}
+
 // A part has a share of the sensors; hours and skies that are none are told.
 #[test]
 fn a_year_of_a_part_is_that_of_its_sensors() {
@@ -677,6 +831,10 @@ fn wrong_tallies_are_refused_in_words() {
         ("--faces --view-factors=faces -o a.ply", "a.ply"),
         ("--faces --view-factors=groups -o a.vf", "a.vf"),
         ("--points=points.txt --sky-patches=3", "1, 2 or 4"),
+        (
+            "--points=points.txt --sky-patches=4 --integrator=gather",
+            "sobol alone",
+        ),
         ("--points=points.txt --sky-patches=1 -o a.vf", ".mtx"),
         (
             "--points=points.txt --sky-patches=1 --derivative=floor",

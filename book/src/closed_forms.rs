@@ -348,6 +348,7 @@ impl Setting {
     /// A gather that renders it, of the seed 0.
     pub fn gather(&self, resolution: (u32, u32)) -> Gather<'_> {
         Gather {
+            patches: None,
             view: self.view(resolution),
             intersector: &self.intersector,
             known_pixels: KnownPixels::NOTHING,

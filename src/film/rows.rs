@@ -36,7 +36,7 @@ pub struct Contribution {
     /// The column.
     column: u32,
     /// The weight in units of 2^-32.
-    weight: u64,
+    weight: i64,
 }
 
 /// The units of a weight of 1.
@@ -47,7 +47,7 @@ impl Contribution {
     /// of 2^-32.
     #[inline]
     pub fn new(pixel: u32, column: u32, weight: f64) -> Self {
-        Self { pixel, column, weight: (weight * UNITS) as u64 }
+        Self { pixel, column, weight: (weight * UNITS) as i64 }
     }
 }
 
@@ -59,7 +59,7 @@ pub struct Entry {
     /// The number of its samples.
     count: u32,
     /// The sum in units of 2^-32; no sum, if it is the largest number.
-    sum: u64,
+    sum: i64,
     /// The sum of the squares of the replicates' sums; unknown, if it is the
     /// largest number.
     squares: u128,
@@ -78,11 +78,27 @@ impl Entry {
         for same in samples.chunk_by(|a, b| place(a) == place(b)) {
             let (pixel, column) = place(&same[0]);
             let weights = same.iter().map(|sample| sample.weight);
-            let sum = weights.fold(0, u64::saturating_add);
-            let squares = u128::from(sum).pow(2);
-            let (column, count) = (first + column, same.len() as u32);
-            rows[pixel as usize].push(Self { column, count, sum, squares });
+            let sum = weights.fold(0, i64::saturating_add);
+            let row = &mut rows[pixel as usize];
+            row.push(Self::of_part(first + column, same.len() as u32, sum));
         }
+    }
+
+    /// The sum of so many samples of a replicate in a column.
+    fn of_part(column: u32, count: u32, sum: i64) -> Self {
+        let squares = u128::from(sum.unsigned_abs()).pow(2);
+        Self { column, count, sum, squares }
+    }
+
+    /// The sums in the columns from `first` on of a replicate of so many
+    /// samples, of which each has a part in all columns, given their means;
+    /// without those that are 0.
+    pub fn dense(first: u32, samples: u64, means: &[f64]) -> Vec<Self> {
+        let part = |(column, mean): (u32, &f64)| {
+            let sum = (mean * samples as f64 * UNITS) as i64;
+            (sum != 0).then(|| Self::of_part(column, samples as u32, sum))
+        };
+        (first..).zip(means).filter_map(part).collect()
     }
 
     /// The entries in the order of their columns, one for each.
@@ -91,14 +107,19 @@ impl Entry {
         entries.dedup_by(|next, sum| {
             let is_same = next.column == sum.column;
             if is_same {
-                sum.count = sum.count.saturating_add(next.count);
-                sum.sum = sum.sum.saturating_add(next.sum);
-                sum.squares = sum.squares.saturating_add(next.squares);
+                sum.add(next);
             }
             is_same
         });
         entries.shrink_to_fit();
         entries
+    }
+
+    /// Adds the sums of other replicates.
+    fn add(&mut self, more: &Self) {
+        self.count = self.count.saturating_add(more.count);
+        self.sum = self.sum.saturating_add(more.sum);
+        self.squares = self.squares.saturating_add(more.squares);
     }
 
     /// Adds the entries of a row to another one.
@@ -113,13 +134,25 @@ impl Entry {
             column: entry.column % columns,
             ..*entry
         };
-        Self::combined(row.iter().map(of_part).collect())
+        let entries = row.iter().map(of_part);
+        if row.len() < columns as usize {
+            return Self::combined(entries.collect());
+        }
+        // Add many entries without sorting them
+        let mut sums = vec![None::<Self>; columns as usize];
+        for entry in entries {
+            match &mut sums[entry.column as usize] {
+                Some(sum) => sum.add(&entry),
+                none => *none = Some(entry),
+            }
+        }
+        sums.into_iter().flatten().collect()
     }
 
     /// The mean weight over so many samples of the row.
     pub fn mean(&self, samples: u64) -> f64 {
         match self.sum {
-            u64::MAX => f64::NAN,
+            i64::MAX => f64::NAN,
             sum => sum as f64 / UNITS / samples as f64,
         }
     }
@@ -132,8 +165,8 @@ impl Entry {
         if replicates < 2 || squares == u128::MAX {
             return f64::INFINITY;
         }
-        let difference =
-            squares.saturating_sub(u128::from(self.sum).pow(2));
+        let square = u128::from(self.sum.unsigned_abs()).pow(2);
+        let difference = squares.saturating_sub(square);
         let variance = difference as f64 / (n * (n - 1.));
         let least = self.sum as f64 / f64::from(self.count.max(1)) / n;
         (variance / n).sqrt().max(least) / UNITS / size as f64
@@ -161,7 +194,7 @@ impl Entry {
         let entry = |_| {
             let (head, squares) = (word()?, word()?);
             let [column, count] = [head as u32, (head >> 32) as u32];
-            Ok(Self { column, count, sum: (head >> 64) as u64, squares })
+            Ok(Self { column, count, sum: (head >> 64) as i64, squares })
         };
         (0..u32::from_le_bytes(count)).map(entry).collect()
     }

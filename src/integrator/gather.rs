@@ -18,12 +18,14 @@ pub mod cache;
 pub mod correction;
 pub mod guide;
 pub mod render;
+pub mod rows;
 pub mod sunlight;
 pub mod training;
 
 use std::array;
 use std::sync::{Arc, OnceLock};
 
+use glam::DVec3;
 use rand::RngExt;
 
 use crate::analysis::LitView;
@@ -37,6 +39,7 @@ use crate::sampler::sobol::{ScrambledNet, scramble_key};
 use crate::sampler::{generator, to_unit};
 
 use crate::sensor::Starts;
+use crate::tally::patches::Patches;
 use cache::{Cell, RadianceCache, UNSEEN};
 use guide::{Guide, bin, direction};
 
@@ -52,6 +55,8 @@ pub struct Gather<'a> {
     pub seed: u64,
     /// The error for which the samples are distributed.
     pub norm: ErrorNorm,
+    /// The patches of the sky, if the cache learns a row for each cell.
+    pub patches: Option<&'a Patches>,
     /// At most about as many rays train the cache.
     pub training: u64,
     /// How much is corrected; none leaves the error of the cache.
@@ -132,6 +137,8 @@ pub enum End {
 
 /// A ray from a surface.
 pub struct GatherRay {
+    /// Its direction.
+    pub direction: DVec3,
     /// One over the density of its direction on the square, times what
     /// panes transmit.
     pub weight: f64,
@@ -257,7 +264,8 @@ impl<K: Intersector> Tracer<'_, K> {
         let (hit, transmittance) = self.first_hit(x, direction);
         let weight = weight * transmittance;
         let sky = || End::Sky(self.gather.view.sky.radiance(direction));
-        GatherRay { weight, bin, end: hit.map_or_else(sky, End::Hit) }
+        let end = hit.map_or_else(sky, End::Hit);
+        GatherRay { direction, weight, bin, end }
     }
 
     /// The cell of a hit, for a surface of the largest albedo.

@@ -196,7 +196,7 @@ impl Daylight<'_> {
             let mut sums = vec![0.; steps.len()];
             let rows = sky.values.chunks(sky.steps);
             for (coefficient, row) in coefficients.into_iter().zip(rows) {
-                if coefficient > 0. {
+                if coefficient != 0. {
                     for (sum, &step) in sums.iter_mut().zip(steps) {
                         *sum +=
                             EFFICACY * coefficient * f64::from(row[step]);

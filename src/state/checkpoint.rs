@@ -23,7 +23,7 @@ use crate::scene::encoding::shortened;
 use crate::state::learnt;
 
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 12\n";
+const MAGIC: &[u8] = b"litpt checkpoint 13\n";
 
 /// A run without its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]

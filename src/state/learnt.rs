@@ -21,7 +21,8 @@ pub fn write(
 ) -> io::Result<()> {
     let head = learnt.get().map(|Learnt { cache, pilot, .. }| {
         let pilot: Vec<_> = pilot.iter().map(Vec::len).collect();
-        (cache.grid, cache.cells.len(), cache.guides.len(), IS_BIG, pilot)
+        let (cells, guides) = (cache.cells.len(), cache.guides.len());
+        (cache.grid, cells, guides, IS_BIG, pilot, cache.columns)
     });
     serde_json::to_writer(&mut *out, &head)?;
     out.write_all(b"\n")?;
@@ -30,6 +31,7 @@ pub fn write(
     };
     out.write_all(cast_slice(&cache.cells))?;
     out.write_all(cast_slice(&cache.guides))?;
+    out.write_all(cast_slice(&cache.rows))?;
     out.write_all(cast_slice(&allocation.counts))?;
     out.write_all(cast_slice(&allocation.scale))?;
     let mut pilot = pilot.iter();
@@ -52,16 +54,17 @@ pub fn read(
     let Some(head) = serde_json::from_slice(&line)? else {
         return Ok(Arc::default());
     };
-    type Head = (Grid, usize, usize, bool, Vec<usize>);
-    let (grid, cells, guides, is_big, pilot): Head = head;
+    type Head = (Grid, usize, usize, bool, Vec<usize>, usize);
+    let (grid, cells, guides, is_big, pilot, columns): Head = head;
     let window = run_key.subject.sensed.window();
     let (cells, guides) = (get(from, cells)?, get(from, guides)?);
+    let rows = get(from, columns.saturating_mul(cells.len()))?;
     let counts = get::<u32>(from, window.area())?;
     let scale = get::<f64>(from, window.area())?;
     let pilot = pilot.into_iter().map(|count| get(from, count));
     let pilot = pilot.collect::<io::Result<_>>()?;
-    let cache =
-        RadianceCache { cells, guides, ..RadianceCache::empty(grid) };
+    let empty = RadianceCache::empty(grid);
+    let cache = RadianceCache { cells, guides, columns, rows, ..empty };
     let most = run_key.sampling.net_size.saturating_mul(8).min(1 << 20);
     let is_sound = is_big == IS_BIG
         && cache.is_sound()

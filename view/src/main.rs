@@ -339,6 +339,7 @@ fn small_gather(
         known_pixels: KnownPixels::NOTHING,
         seed: 0,
         norm: ErrorNorm::default(),
+        patches: None,
         training: 1 << 16,
         correction: None,
         learnt: learnt.into(),

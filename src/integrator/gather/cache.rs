@@ -6,6 +6,8 @@
 //!
 //! Its bits belong to `GATHER_VERSION`.
 
+mod rows;
+
 use std::array;
 use std::ops::Range;
 
@@ -70,6 +72,15 @@ impl Grid {
         Self { low, side, per_unit }.name(hit.point, hit.normal)
     }
 
+    /// The grid whose cubes have sides 2^n times as long.
+    pub fn wider(self, n: u32) -> Self {
+        let scale = power_of_two(n as i32);
+        let reach = self.side * (1u64 << (BITS - 1)) as f64;
+        let low = self.low + reach * (1. - scale);
+        let (side, per_unit) = (self.side * scale, self.per_unit / scale);
+        Self { low, side, per_unit }
+    }
+
     /// The grid for points like these.
     pub fn around(points: &[DVec3]) -> Self {
         let ends = |k: usize| {
@@ -118,6 +129,11 @@ pub const SKY: u64 = DARKNESS | 0x3f80_0000;
 /// radiance.
 pub fn in_sky(radiance: f64) -> u64 {
     DARKNESS | u64::from((radiance as f32).to_bits())
+}
+
+/// A reflected ray arrived in this patch of the sky; its radiance is 1.
+pub fn in_patch(patch: u32) -> u64 {
+    SKY | u64::from(patch) << 32
 }
 
 /// A reflection: from one cell to another, to the sky, or to what is below
@@ -194,25 +210,36 @@ pub struct RadianceCache {
     pub guides: Vec<Guide>,
     /// The mean error that a ray meets, over the mean radiance.
     pub relative_error: f32,
+    /// The columns of the rows that belong to cells; 0 if none do.
+    pub columns: usize,
+    /// For each entry of the table the radiance that leaves the surfaces
+    /// for a radiance of 1 of each column.
+    pub rows: Vec<f32>,
 }
 
 impl RadianceCache {
     /// A cache that has learnt nothing.
     pub fn empty(grid: Grid) -> Self {
-        let (cells, guides) = (vec![UNSEEN], vec![]);
-        Self { grid, cells, guides, relative_error: 1. }
+        let (cells, guides, rows) = (vec![UNSEEN], vec![], vec![]);
+        Self { grid, cells, guides, relative_error: 1., columns: 0, rows }
     }
 
     /// The finest cell there is that holds the finest cell `name`.
     #[inline]
     pub fn at(&self, name: u64) -> &Cell {
+        self.place(name).map_or(&UNSEEN, |entry| &self.cells[entry])
+    }
+
+    /// The entry of that cell in the table, if there is one.
+    #[inline]
+    pub fn place(&self, name: u64) -> Option<usize> {
         for level in 0..LEVELS {
-            let cell = &self.cells[self.slot(coarser(name, level)).0];
-            if cell.mark != 0 {
-                return cell;
+            let (entry, _) = self.slot(coarser(name, level));
+            if self.cells[entry].mark != 0 {
+                return Some(entry);
             }
         }
-        &UNSEEN
+        None
     }
 
     /// The entry of a name, or the free one where it belongs; and its mark.
@@ -247,6 +274,8 @@ impl RadianceCache {
             && cells.iter().any(|cell| cell.mark == 0)
             && cells.iter().all(is_fit)
             && guides.iter().all(Guide::is_sound)
+            && self.rows.len() == self.columns * cells.len()
+            && self.rows.iter().all(|value| value.is_finite())
     }
 
     /// A cache that learns from records, which it sorts, and begins with the
@@ -264,7 +293,8 @@ impl RadianceCache {
         });
         let cells = Cells::of(records);
         // Build a table that finds the numbers of cells
-        let mut cache = Self::empty(self.grid);
+        let mut cache =
+            Self { columns: self.columns, ..Self::empty(self.grid) };
         let size = (2 * cells.names.len() + 1).next_power_of_two();
         cache.cells = vec![UNSEEN; size];
         for (number, &name) in (0..).zip(&cells.names) {
@@ -274,7 +304,9 @@ impl RadianceCache {
         let ends = records.par_iter().map(|r| cache.end(r)).collect();
         let start =
             cells.names.iter().map(|&name| self.at(name).value).collect();
-        let equations = Equations { cells, records, ends, albedo };
+        let has_rows = self.columns > 0;
+        let equations =
+            Equations { cells, records, ends, albedo, has_rows };
         let values = equations.solve(start, watch);
         let errors = equations.errors(&values);
         let (guides, numbers) = equations.guides(&values);
@@ -386,6 +418,8 @@ struct Equations<'a> {
     /// Where each record arrives.
     ends: Vec<u32>,
     albedo: f32,
+    /// Whether the guides are for rows.
+    has_rows: bool,
 }
 
 impl Equations<'_> {
@@ -485,7 +519,8 @@ impl Equations<'_> {
         for c in (0..cells.names.len()).rev() {
             let parent = cells.parents.get(c).map(|&p| numbers[p as usize]);
             numbers[c] = parent.unwrap_or(NO_GUIDE);
-            if cells.count(c) < ENOUGH {
+            let enough = if self.has_rows { 0.1 * ENOUGH } else { ENOUGH };
+            if cells.count(c) < enough {
                 continue;
             }
             // Average the squares in each bin
@@ -493,7 +528,10 @@ impl Equations<'_> {
             let guided = |i: &usize| self.records[*i].bin != SUN;
             for i in cells.records[c].clone().filter(guided) {
                 let bin = usize::from(self.records[i].bin);
-                sums[bin] += self.arriving(values, i).powi(2);
+                let square = self.arriving(values, i).powi(2);
+                let is_spread = self.has_rows && self.ends[i] < END_IN_SKY;
+                sums[bin] +=
+                    if is_spread { SPREAD * square } else { square };
                 counts[bin] += 1.;
             }
             let mean =
@@ -529,6 +567,10 @@ fn is_settled(before: &[f32], now: &[f32]) -> bool {
 
 /// Records that a cell with a guide of its own has at least.
 const ENOUGH: f32 = 1000.;
+
+/// The square of the error that a gather leaves when it meets a surface whose
+/// light comes from many columns, over the square of that light.
+const SPREAD: f32 = 0.05;
 
 /// The square roots of the bins, each averaged with its neighbours first.
 fn smooth(bins: &[f32; BINS]) -> [f32; BINS] {

@@ -44,6 +44,42 @@ impl<K: Intersector> Tracer<'_, K> {
             Corrector { tracer, correction, samples, random, sums, parts };
         groups.iter().for_each(|group| corrector.correct(group));
     }
+
+    /// The part of the light from `y` that arrives at `x` from this direction:
+    /// 0 if another triangle is in the way, unless that is a pane.
+    fn visibility(&mut self, x: &Hit, y: &Hit, direction: DVec3) -> f64 {
+        if x.primitive == y.primitive {
+            return 0.;
+        }
+        let from = Some(x.primitive);
+        if self.gather.view.surfaces.transmits {
+            let (hit, transmittance) = self.first_hit(x, direction);
+            let met = hit.map(|hit| hit.primitive);
+            let seen = met == Some(y.primitive);
+            return if seen { transmittance } else { 0. };
+        }
+        self.rays += 1;
+        let ray = Ray { origin: x.point, direction };
+        let seen = self.intersector.is_visible(&ray, from, y.primitive);
+        f64::from(seen)
+    }
+
+    /// The density with which cosine sampling at `x` finds `y`, per unit of
+    /// area around `y`, times what panes transmit; zero if one faces away, or if
+    /// `x` does not see `y`, which is not tested if it `is_seen`.
+    pub fn form_factor(&mut self, x: &Hit, y: &Hit, is_seen: bool) -> f64 {
+        let to = y.point - x.point;
+        let square = to.length_squared();
+        let (here, there) = (x.normal.dot(to), -y.normal.dot(to));
+        let factor = here * there / (PI * square * square);
+        let faces = here > 0. && factor > 0.;
+        let clear = !self.gather.view.surfaces.transmits;
+        match (faces, is_seen && clear) {
+            (false, _) => 0.,
+            (_, true) => factor,
+            _ => factor * self.visibility(x, y, to / square.sqrt()),
+        }
+    }
 }
 
 /// Corrects the samples of a tile.
@@ -91,7 +127,7 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         for _ in 0..VISIBILITY_TESTS {
             let i = group[self.random.random_range(0..group.len())];
             let x = &self.samples[i].hit;
-            if self.form_factor(x, y, false) > 0. {
+            if self.tracer.form_factor(x, y, false) > 0. {
                 seen += 1.;
             }
         }
@@ -111,7 +147,7 @@ impl<K: Intersector> Corrector<'_, '_, K> {
         let most = albedos.fold(0., f64::max);
         let factor = |&i: &usize| {
             let Sample { hit, albedo, .. } = &samples[i];
-            self.form_factor(hit, y, i == k) * (albedo / most)
+            self.tracer.form_factor(hit, y, i == k) * (albedo / most)
         };
         let factors: Vec<f64> = group.iter().map(factor).collect();
         let seen = || group.iter().zip(&factors);
@@ -122,42 +158,6 @@ impl<K: Intersector> Corrector<'_, '_, K> {
                 self.sums[samples[i].pixel as usize] += more;
                 self.parts[i][1] += more;
             }
-        }
-    }
-
-    /// The part of the light from `y` that arrives at `x` from this direction:
-    /// 0 if another triangle is in the way, unless that is a pane.
-    fn visibility(&mut self, x: &Hit, y: &Hit, direction: DVec3) -> f64 {
-        if x.primitive == y.primitive {
-            return 0.;
-        }
-        let (tracer, from) = (&mut *self.tracer, Some(x.primitive));
-        if tracer.gather.view.surfaces.transmits {
-            let (hit, transmittance) = tracer.first_hit(x, direction);
-            let met = hit.map(|hit| hit.primitive);
-            let seen = met == Some(y.primitive);
-            return if seen { transmittance } else { 0. };
-        }
-        tracer.rays += 1;
-        let ray = Ray { origin: x.point, direction };
-        let seen = tracer.intersector.is_visible(&ray, from, y.primitive);
-        f64::from(seen)
-    }
-
-    /// The density with which cosine sampling at `x` finds `y`, per unit of
-    /// area around `y`, times what panes transmit; zero if one faces away, or if
-    /// `x` does not see `y`, which is not tested if it `is_seen`.
-    fn form_factor(&mut self, x: &Hit, y: &Hit, is_seen: bool) -> f64 {
-        let to = y.point - x.point;
-        let square = to.length_squared();
-        let (here, there) = (x.normal.dot(to), -y.normal.dot(to));
-        let factor = here * there / (PI * square * square);
-        let faces = here > 0. && factor > 0.;
-        let clear = !self.tracer.gather.view.surfaces.transmits;
-        match (faces, is_seen && clear) {
-            (false, _) => 0.,
-            (_, true) => factor,
-            _ => factor * self.visibility(x, y, to / square.sqrt()),
         }
     }
 

@@ -12,13 +12,15 @@ use glam::DVec3;
 use rand::RngExt;
 use rayon::prelude::*;
 
-use super::cache::{Grid, RadianceCache, Record, SUN, WHOLE, in_sky};
+use super::cache::{Grid, RadianceCache, Record, SUN, WHOLE};
+use super::cache::{in_patch, in_sky};
 use super::{Allocation, End, Gather, GatherRay, TileSamples, Tracer};
 use crate::bvh::{Hit, Intersector};
 use crate::film::add_samples;
 use crate::film::{ErrorNorm, Film, Gathered, HalfBuffers, Tile, Watch};
 use crate::sampler::generator;
 use crate::statistics::Accumulator;
+use crate::tally::patches::Patches;
 
 /// Reflections of a training path.
 const REFLECTIONS: usize = 7;
@@ -82,10 +84,17 @@ impl<K: Intersector> Tracer<'_, K> {
                     }
                     // Record a reflection on the way
                     let u = [random.random(), random.random()];
-                    let GatherRay { weight, bin, end } = self
+                    let GatherRay { direction, weight, bin, end } = self
                         .trace_gather_ray(y, self.cache.guide(&cell), u);
                     let (to, relative_albedo) = match end {
-                        End::Sky(radiance) => (in_sky(radiance), 1.),
+                        End::Sky(radiance) => {
+                            let patch = |it: &Patches| it.number(direction);
+                            let to = match self.gather.patches.map(patch) {
+                                Some(patch) => in_patch(patch),
+                                None => in_sky(radiance),
+                            };
+                            (to, 1.)
+                        }
                         End::Hit(hit) => {
                             hits.push(hit);
                             let u = [random.random(), random.random()];
@@ -158,13 +167,16 @@ pub fn train<K: Intersector>(
     prototype: &Tracer<K>,
     watch: &Watch,
 ) -> Option<(RadianceCache, u64)> {
-    let &Gather { view, training: rays, .. } = prototype.gather;
+    let &Gather { view, patches, training: rays, .. } = prototype.gather;
     // Choose the grid after a first look
     let mut scout = Tracer { rays: 0, ..*prototype };
     let mut points = vec![];
     let visit = |point| points.push(point);
     scout.explore(rays.min(10_000), u64::MAX, visit, watch);
-    let mut cache = RadianceCache::empty(Grid::around(&points));
+    let grid = Grid::around(&points);
+    let columns = patches.map_or(0, Patches::count) as usize;
+    let grid = if columns > 0 { grid.wider(2) } else { grid };
+    let mut cache = RadianceCache { columns, ..RadianceCache::empty(grid) };
     let (mut records, mut traced) = (vec![], scout.rays);
     for (round, percent) in (0..).zip(ROUNDS) {
         // Trace the pieces of a round
@@ -182,9 +194,13 @@ pub fn train<K: Intersector>(
         let before = cache.relative_error;
         cache = cache.learn(&mut records, view.surfaces.most as f32, watch);
         let now = cache.relative_error;
-        if round == 1 && now * (1. - now / before) < LEAST_FALL {
+        let is_enough = now * (1. - now / before) < LEAST_FALL;
+        if columns == 0 && round == 1 && is_enough {
             break;
         }
+    }
+    if columns > 0 {
+        cache.learn_rows(&records, view.surfaces.most as f32);
     }
     Some((cache, traced))
 }

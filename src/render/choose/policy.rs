@@ -7,15 +7,20 @@
 use std::fmt;
 use std::time::{Duration, Instant};
 
+use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::cost::{Forecast, MANY, SHOWN};
 use super::pilot::{Pilot, Trial};
 use super::sampling::{GATHER_RAYS, Method, Sampling, Setup};
-use crate::analysis::SceneAnalysis;
+use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::Intersector as _;
 use crate::film::{ErrorNorm, Window};
+use crate::integrator::gather::guide::direction;
+use crate::sampler::generator;
+use crate::scene::Ray;
 use crate::sensor::Sensor;
+use crate::tally::{Columns, REPLICATES};
 
 impl Setup<'_> {
     /// Chooses how the samples of a request are made, by the method that is
@@ -118,12 +123,8 @@ impl Setup<'_> {
         request: &Request,
         saved: Option<Sampling>,
     ) -> (Sampling, Option<Choice>) {
-        if self.columns.is_some() {
-            // Place the samples of a tally in nets
-            let Request { seed, budget, .. } = request;
-            let new =
-                Sampling::of_tally(*seed, request.bound(), budget.error);
-            return (saved.unwrap_or(new), None);
+        if let Some(columns) = self.columns {
+            return (self.decide_rows(request, saved, columns), None);
         }
         let is_known = self.analysis.known_pixels.is_all();
         let only = is_known.then_some(Method::Reference);
@@ -153,7 +154,76 @@ impl Setup<'_> {
         let kept = |saved| Sampling { method, seed, ..saved };
         (saved.map_or(new, kept), None)
     }
+
+    /// How the samples of a tally are made: as in a checkpoint, if there is one,
+    /// but by the method that is wanted. Rows are gathered where that gains.
+    fn decide_rows(
+        &self,
+        request: &Request,
+        saved: Option<Sampling>,
+        columns: &Columns,
+    ) -> Sampling {
+        let &Request { seed, budget, method: wanted, .. } = request;
+        if let Some(saved) = saved {
+            let method = wanted.unwrap_or(saved.method);
+            return Sampling { method, ..saved };
+        }
+        let (samples, error) = (request.bound(), budget.error);
+        let pixels = self.pixels(request.window);
+        let new = |method| {
+            Sampling::of_tally(method, seed, samples, error, pixels)
+        };
+        let nets = new(Method::Sobol);
+        let paths =
+            (nets.net_size * REPLICATES).saturating_mul(pixels.area);
+        let entries = pixels.area.saturating_mul(columns.count.into());
+        let gains = paths >= MANY_PATHS
+            && entries <= MOST_ENTRIES
+            && columns.tally.can_gather()
+            && self.view.surfaces.most > 0.
+            && self.openness() < OPEN;
+        match wanted {
+            Some(Method::Gather) => new(Method::Gather),
+            None if gains => new(Method::Gather),
+            _ => nets,
+        }
+    }
+
+    /// The part of the cosine-weighted directions in which receivers see no
+    /// surface, roughly.
+    fn openness(&self) -> f64 {
+        let LitView { sensor, surfaces, .. } = &self.view;
+        let Sensor::Receivers(receivers) = sensor else { return 1. };
+        let count = receivers.numbers.len();
+        let mut random = generator(0, 0, 0);
+        let mut is_open = || {
+            let at = random.random_range(0..count);
+            let x = receivers.hit(at, random.random());
+            let direction = direction(x.normal, random.random());
+            let ray = Ray { origin: x.point, direction };
+            let hit = self.intersector.first_hit(&ray, Some(x.primitive));
+            let bvh = self.intersector;
+            surfaces.behind_panes(bvh, direction, hit).0.is_none()
+        };
+        let rays = if count > 0 { RAYS } else { 0 };
+        let open = (0..rays).filter(|_| is_open()).count();
+        open as f64 / f64::from(RAYS)
+    }
 }
+
+/// The paths from which on rows are gathered: fewer take less time than a
+/// training.
+const MANY_PATHS: u64 = 1 << 16;
+
+/// The entries of a matrix that is gathered, at most: each has 32 bytes in
+/// each replicate.
+const MOST_ENTRIES: u64 = 1 << 21;
+
+/// Rays that find how much of the sky receivers see.
+const RAYS: u32 = 1024;
+
+/// The part of their view from which on paths are as good.
+const OPEN: f64 = 0.25;
 
 /// The chosen sampling, and the reasons.
 pub struct Choice {

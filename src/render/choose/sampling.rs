@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::Bvh;
 use crate::film::{ErrorNorm, Film, Window};
+use crate::integrator::gather::rows::RowGather;
 use crate::integrator::gather::{Correction, Gather, Learnt};
 use crate::integrator::tally::TallyTracer;
 use crate::integrator::{Communicator, Integrator, PathTracer, identity};
@@ -121,13 +122,15 @@ impl Sampling {
         Self { method, seed, net_size, training, control, norm, glance }
     }
 
-    /// The sampling of a tally, whose rows have at least 32 replicates. An error
-    /// is expected after an eighth of the samples that a share of a half would
+    /// The sampling of a tally, whose rows have at least 32 replicates, or 16 if
+    /// they are gathered. An error is expected after an eighth of the samples that a share of a half would
     /// take without nets, and a relative one after 32 times as many.
     pub fn of_tally(
+        method: Method,
         seed: u64,
         samples: Option<u64>,
         error: Option<(f64, ErrorNorm)>,
+        pixels: Pixels,
     ) -> Self {
         let needed = error.map(|(error, norm)| {
             let variance = if norm.relative { 1. } else { 0.25 / 8. };
@@ -135,10 +138,16 @@ impl Sampling {
         });
         let samples = samples.into_iter().chain(needed).min();
         let most = (1 << 14) as u64;
-        let size = samples.unwrap_or(most) / REPLICATES;
+        let (replicates, part) = match method {
+            Method::Gather => (REPLICATES / 2, ROW_TRAINING),
+            _ => (REPLICATES, 0.),
+        };
+        let size = samples.unwrap_or(most) / replicates;
         let net_size = 1 << size.clamp(1, most).ilog2();
-        let none = Pixels { area: 0, is_list: true };
-        Self { net_size, ..Self::new(Method::Sobol, seed, None, none) }
+        let all = samples.unwrap_or(u64::MAX).saturating_mul(pixels.area);
+        let training = ((part * all as f64) as u64).min(1 << 22);
+        let sampling = Self::new(method, seed, None, pixels);
+        Self { net_size, training, ..sampling }
     }
 
     /// The same film, which has no sample, for these samples.
@@ -159,6 +168,9 @@ impl Sampling {
         }
     }
 }
+
+/// The rays that train a cache of rows, for each sample.
+const ROW_TRAINING: f64 = 0.3;
 
 /// About the rays of a sample of a gather, with its part of the correction.
 pub const GATHER_RAYS: u64 = 5;
@@ -195,7 +207,14 @@ impl<'a> Setup<'a> {
         communicator: &'a dyn Communicator,
     ) -> Box<dyn Renderer + 'a> {
         if let Some(columns) = self.columns {
-            return Box::new(self.tally(sampling, columns));
+            return match sampling.method {
+                Method::Gather => {
+                    let gather =
+                        self.gather(sampling, learnt, communicator);
+                    Box::new(RowGather(gather))
+                }
+                _ => Box::new(self.tally(sampling, columns)),
+            };
         }
         match sampling.method {
             Method::Reference => Box::new(self.independent(sampling)),
@@ -219,6 +238,7 @@ impl<'a> Setup<'a> {
             intersector: self.intersector,
             known_pixels: &self.analysis.known_pixels,
             seed: sampling.seed,
+            patches: self.columns.map(|columns| &columns.patches),
             training: sampling.training,
             correction: (!sampling.glance).then(Correction::default),
             learnt,
