@@ -373,7 +373,7 @@ places: $(BUILD_DIR)/pt $(call AND_VIEWS,$(BENCH)/statue-100000)
 	$(RECORD) places sh $(SCRIPTS)/places.sh $(BUILD_DIR)/pt \
 	  $(COMPILED)/examples/occlusion $(BENCH)/statue-100000.obj
 
-# The analytic daylight cases of CIE 171: six minutes.
+# The analytic daylight cases of CIE 171: eight minutes on two idle cores.
 .PHONY: cie171
 cie171: $(BUILD_DIR)/pt
 	$(RECORD) cie171 python3 $(SCRIPTS)/cie171.py check $(BUILD_DIR)/pt
