@@ -64,6 +64,21 @@ def test_points_have_the_bits_of_pt(pt, points, method, threads):
     assert ours.value.dtype == np.float64 and ours.samples.dtype == np.int64
 
 
+def test_sun_and_glass_are_those_of_the_command(pt):
+    glazed = ROOM.parent / "glazed.obj"
+    light = dict(sky="cie:12", sun=(265, 20), direct=4)
+    room = litpt.Scene(glazed, albedo="materials", glass={"pane": 0.88},
+                       transmit={"ceiling": (0.2, 0.3)}, **light)
+    ours = room.face_irradiance("both", samples=64)
+    folder = pt(ours.command)
+    theirs = table(folder / "values.csv")
+    assert np.array_equal(np.float32(ours.value.ravel()), theirs[:, 0], equal_nan=True)
+    closed = litpt.Scene(glazed, albedo="materials", **light)
+    assert np.nansum(closed.face_irradiance(samples=64).value) == 0
+    with pytest.raises(ValueError, match="window"):
+        litpt.Scene(glazed, glass={"window": 0.5}).face_irradiance(samples=1)
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("method", METHODS)
 def test_the_command_gives_the_same_bits(pt, method, threads):
