@@ -122,9 +122,10 @@ impl Sampling {
         Self { method, seed, net_size, training, control, norm, glance }
     }
 
-    /// The sampling of a tally, whose rows have at least 32 replicates, or 16 if
-    /// they are gathered. An error is expected after an eighth of the samples that a share of a half would
-    /// take without nets, and a relative one after 32 times as many.
+    /// The sampling of a tally, whose rows have at least 32 replicates, or 16
+    /// if they are gathered. An error is expected after an eighth of the
+    /// samples that a share of a half would take without nets, and a relative
+    /// one after 32 times as many.
     pub fn of_tally(
         method: Method,
         seed: u64,
