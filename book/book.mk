@@ -395,6 +395,8 @@ peers: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(PEERS)/installed
 	  --folder $(PEERS) all $(BUILD_DIR)/pt
 	$(RECORD) autonomy python3 $(SCRIPTS)/autonomy_coverage.py \
 	  $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg $(PEERS)
+	$(RECORD) sun-room $(PEERS)/bin/python $(SCRIPTS)/sun_room.py \
+	  $(BUILD_DIR)/pt
 
 # What panes transmit, beside Radiance: seconds.
 .PHONY: pane

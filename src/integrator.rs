@@ -229,6 +229,8 @@ pub struct PathState {
     pub sunlight: f64,
     /// The part of that which the first surface has reflected.
     pub direct: f64,
+    /// Where it has met its last pane.
+    pub pane: DVec3,
     /// The shadow ray that is under way, if one is.
     pub shadow: Option<Shadow>,
 }
@@ -291,7 +293,8 @@ impl Integrator for PathTracer<'_> {
         // Go on through a pane
         if let Some(part) = self.surfaces.pane(&hit, path.direction) {
             path.throughput *= part;
-            let ray = Ray { origin: hit.point, direction: path.direction };
+            let (surfaces, direction) = (&self.surfaces, path.direction);
+            let ray = surfaces.behind(&hit, direction, &mut path.pane);
             return PathEvent::Scatter(ray, hit.primitive);
         }
         let albedo = self.surfaces.albedo(hit.primitive);
@@ -352,7 +355,8 @@ pub struct Shadow {
 impl PathState {
     /// Sends a shadow ray to a point of the sun, which gives this irradiance,
     /// and then goes on with a ray that leaves a triangle.
-    #[inline]
+    #[cold]
+    #[inline(never)]
     pub fn look_for_sun(
         &mut self,
         (direction, irradiance): (DVec3, f64),
@@ -371,7 +375,8 @@ impl PathState {
 impl Shadow {
     /// Ends a shadow ray of a path, which has met this, or lets it go on
     /// through a pane.
-    #[inline]
+    #[cold]
+    #[inline(never)]
     pub fn end(
         self,
         path: &mut PathState,
@@ -383,7 +388,7 @@ impl Shadow {
             && let Some(part) = surfaces.pane(&hit, direction)
         {
             path.shadow = Some(Self { light: light * part, ..self });
-            let ray = Ray { origin: hit.point, direction };
+            let ray = surfaces.behind(&hit, direction, &mut path.pane);
             return PathEvent::Scatter(ray, hit.primitive);
         }
         if hit.is_none() {

@@ -398,22 +398,41 @@ impl Surfaces<'_> {
     /// if the surface is no pane.
     #[inline(always)]
     pub fn pane(&self, hit: &Hit, direction: DVec3) -> Option<f64> {
-        if !self.transmits {
+        if self.transmits { self.glass(hit, direction) } else { None }
+    }
+
+    /// The same where some surfaces let light through.
+    #[cold]
+    #[inline(never)]
+    fn glass(&self, hit: &Hit, direction: DVec3) -> Option<f64> {
+        let Bsdf::Glass(part) = self.bsdf(hit.primitive) else {
             return None;
-        }
-        match self.bsdf(hit.primitive) {
-            Bsdf::Glass(transmittance) => {
-                let cosine = hit.normal.dot(direction).abs();
-                let pane = Pane::new(transmittance);
-                Some(pane.transmittance(cosine.min(1.)))
-            }
-            _ => None,
-        }
+        };
+        let cosine = hit.normal.dot(direction).abs();
+        Some(Pane::new(part).transmittance(cosine.min(1.)))
+    }
+
+    /// The ray that goes on behind a pane, where the last pane was met.
+    #[cold]
+    #[inline(never)]
+    pub fn behind(
+        &self,
+        pane: &Hit,
+        direction: DVec3,
+        last: &mut DVec3,
+    ) -> Ray {
+        let near = NEAR * (1. + pane.point.abs().max_element());
+        let is_crowded = pane.point.distance(*last) <= near;
+        *last = pane.point;
+        let cosine = pane.normal.dot(direction).abs();
+        let step =
+            if is_crowded { 4. * near / cosine.max(1e-6) } else { 0. };
+        Ray { origin: pane.point + step * direction, direction }
     }
 
     /// What a ray meets behind all panes, given its first hit; the part of
     /// the light from there that they transmit; and the rays traced.
-    #[inline(always)]
+    #[inline]
     pub fn behind_panes(
         &self,
         intersector: &impl Intersector,
@@ -421,10 +440,11 @@ impl Surfaces<'_> {
         mut hit: Option<Hit>,
     ) -> (Option<Hit>, f64, u64) {
         let (mut transmittance, mut rays) = (1., 0);
+        let mut last = DVec3::INFINITY;
         while let Some(met) = hit
             && let Some(part) = self.pane(&met, direction)
         {
-            let ray = Ray { origin: met.point, direction };
+            let ray = self.behind(&met, direction, &mut last);
             hit = intersector.first_hit(&ray, Some(met.primitive));
             transmittance *= part;
             rays += 1;
@@ -437,12 +457,16 @@ impl Surfaces<'_> {
     /// The number `u` chooses, and is uniform over [0, 1) before and after.
     #[inline(always)]
     pub fn lit_side(&self, hit: &Hit, u: &mut f64) -> Hit {
-        if !self.transmits {
-            return *hit;
-        }
-        let share = match self.bsdf(hit.primitive) {
-            Bsdf::Transmitter([back, on]) if on > 0. => back / (back + on),
-            _ => return *hit,
+        if self.transmits { self.side(hit, u) } else { *hit }
+    }
+
+    /// The same where some surfaces let light through.
+    #[cold]
+    #[inline(never)]
+    fn side(&self, hit: &Hit, u: &mut f64) -> Hit {
+        let share = match self.sheet(hit.primitive) {
+            Some([back, on]) => back / (back + on),
+            None => return *hit,
         };
         if *u < share {
             *u /= share;
@@ -451,7 +475,23 @@ impl Surfaces<'_> {
         *u = ((*u - share) / (1. - share)).min(BELOW_ONE);
         Hit { normal: -hit.normal, ..*hit }
     }
+
+    /// The parts that a sheet reflects and transmits; none if the surface lets
+    /// nothing through.
+    #[inline(always)]
+    pub fn sheet(&self, primitive: u32) -> Option<[f64; 2]> {
+        if !self.transmits {
+            return None;
+        }
+        match self.bsdf(primitive) {
+            Bsdf::Transmitter([back, on]) if on > 0. => Some([back, on]),
+            _ => None,
+        }
+    }
 }
 
 /// The largest number below 1.
 const BELOW_ONE: f64 = 1. - 0.5 * f64::EPSILON;
+
+/// How close panes are to each other that are passed together: 2^-30.
+const NEAR: f64 = 1. / (1u64 << 30) as f64;

@@ -279,7 +279,12 @@ impl<K: Intersector> Tracer<'_, K> {
     #[inline]
     pub fn cell_around(&self, hit: &Hit, u: [f64; 2]) -> Cell {
         let surfaces = &self.gather.view.surfaces;
-        let cell = *self.cache.at(self.name_around(hit, u));
+        if let Some(parts) = surfaces.sheet(hit.primitive) {
+            return self.sheet_around(hit, u, parts);
+        }
+        let grid = &self.cache.grid;
+        let cell =
+            *self.cache.at(grid.name_around(hit.point, hit.normal, u));
         cell.scaled(surfaces.relative_albedo(hit.primitive) as f32)
     }
 

@@ -48,6 +48,9 @@ impl Clear {
         match (&word[..], numbers.as_deref()) {
             ("d", Some(&[x])) => self.part.get_or_insert(1. - x),
             ("tr", Some(&[x])) => self.part.get_or_insert(x),
+            ("tf", Some(&[grey])) => {
+                &mut self.filter.get_or_insert([grey; 3])[0]
+            }
             ("tf", Some(&[r, g, b])) => {
                 &mut self.filter.get_or_insert([r, g, b])[0]
             }

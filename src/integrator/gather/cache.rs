@@ -188,6 +188,12 @@ impl Cell {
             (relative_albedo * self.value, relative_albedo * self.error);
         Self { value, error, ..self }
     }
+
+    /// The sum of this cell and another, with the guide of this one.
+    pub fn plus(self, other: Self) -> Self {
+        let value = self.value + other.value;
+        Self { value, error: self.error + other.error, ..self }
+    }
 }
 
 /// Stands for cosine sampling.

@@ -10,6 +10,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use super::Tracer;
+use super::cache::Cell;
 use crate::bvh::{Hit, Intersector};
 use crate::numerics::power_of_two;
 use crate::sampler::to_unit;
@@ -45,6 +46,24 @@ impl<K: Intersector> Tracer<'_, K> {
         let side = surfaces.lit_side(x, &mut first);
         u[0] = (first * power_of_two(32)) as u32;
         side
+    }
+
+    /// The cells around a hit on both sides of a sheet, as one that has what the
+    /// sheet reflects and transmits of their light.
+    pub fn sheet_around(
+        &self,
+        hit: &Hit,
+        u: [f64; 2],
+        parts: [f64; 2],
+    ) -> Cell {
+        let grid = &self.cache.grid;
+        let most = self.gather.view.surfaces.most;
+        let [front, back] = [0, 1].map(|k| {
+            let normal = if k == 0 { hit.normal } else { -hit.normal };
+            let name = grid.name_around(hit.point, normal, u);
+            self.cache.at(name).scaled((parts[k] / most) as f32)
+        });
+        front.plus(back)
     }
 
     /// An estimate of the irradiance at `x`, on the side of its normal, from
