@@ -236,6 +236,14 @@ pub struct PathState {
 }
 
 impl PathState {
+    /// The ray behind the pane that the path has met, if it is one.
+    #[cold]
+    #[inline(never)]
+    fn pass_pane(&mut self, surfaces: &Surfaces, hit: &Hit) -> Option<Ray> {
+        self.throughput *= surfaces.pane(hit, self.direction)?;
+        Some(surfaces.behind(hit, self.direction, &mut self.pane))
+    }
+
     /// The path ends, with this light from its last ray.
     fn end(&self, light: f64) -> PathEvent {
         PathEvent::Terminate(light + self.variate + self.sunlight)
@@ -291,10 +299,9 @@ impl Integrator for PathTracer<'_> {
             return path.end(path.throughput * radiance);
         };
         // Go on through a pane
-        if let Some(part) = self.surfaces.pane(&hit, path.direction) {
-            path.throughput *= part;
-            let (surfaces, direction) = (&self.surfaces, path.direction);
-            let ray = surfaces.behind(&hit, direction, &mut path.pane);
+        if self.surfaces.transmits
+            && let Some(ray) = path.pass_pane(&self.surfaces, &hit)
+        {
             return PathEvent::Scatter(ray, hit.primitive);
         }
         let albedo = self.surfaces.albedo(hit.primitive);
@@ -322,19 +329,20 @@ impl Integrator for PathTracer<'_> {
         }
         // Leave the surface in a random direction
         let bounce = path.bounces;
-        let [mut r, turn] = sampler.get_2d(dimension::direction(bounce));
-        let side = self.surfaces.lit_side(&hit, &mut r);
-        path.direction = cosine_direction(side.normal, r, turn);
+        let [r, turn] = sampler.get_2d(dimension::direction(bounce));
+        let (normal, r) = self.surfaces.lit_normal(&hit, r);
+        path.direction = cosine_direction(normal, r, turn);
         if path.bounces == 0 && self.control > 0. {
+            let side = Hit { normal, ..hit };
             let variate = self.control_variate(&side, path.direction);
             path.variate = self.control * variate;
         }
         path.bounces += 1;
         let ray = Ray { origin: hit.point, direction: path.direction };
         // Look for the sun first
-        if let Some(beam) = self.sky.beam {
+        if let Some(beam) = &self.sky.beam {
             let u = sampler.get_2d(dimension::sun(bounce));
-            let sun = beam.sample(side.normal, u);
+            let sun = beam.sample(normal, u);
             return path.look_for_sun(sun, ray, hit.primitive);
         }
         PathEvent::Scatter(ray, hit.primitive)

@@ -460,6 +460,16 @@ impl Surfaces<'_> {
         if self.transmits { self.side(hit, u) } else { *hit }
     }
 
+    /// Its normal alone, and the number.
+    #[inline(always)]
+    pub fn lit_normal(&self, hit: &Hit, mut u: f64) -> (DVec3, f64) {
+        if self.transmits {
+            let side = self.side(hit, &mut u);
+            return (side.normal, u);
+        }
+        (hit.normal, u)
+    }
+
     /// The same where some surfaces let light through.
     #[cold]
     #[inline(never)]
