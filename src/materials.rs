@@ -432,8 +432,23 @@ impl Surfaces<'_> {
 
     /// What a ray meets behind all panes, given its first hit; the part of
     /// the light from there that they transmit; and the rays traced.
-    #[inline]
+    #[inline(always)]
     pub fn behind_panes(
+        &self,
+        intersector: &impl Intersector,
+        direction: DVec3,
+        hit: Option<Hit>,
+    ) -> (Option<Hit>, f64, u64) {
+        match self.transmits {
+            true => self.look_through(intersector, direction, hit),
+            false => (hit, 1., 0),
+        }
+    }
+
+    /// The same where some surfaces let light through.
+    #[cold]
+    #[inline(never)]
+    fn look_through(
         &self,
         intersector: &impl Intersector,
         direction: DVec3,

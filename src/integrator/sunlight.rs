@@ -13,6 +13,7 @@ impl LitView<'_> {
     /// An estimate of the irradiance at a hit, on the side of its normal, from
     /// the sun, in the unit of the sky's: from the point of the disc that two
     /// numbers uniform over [0, 1) choose. And the rays traced.
+    #[inline(never)]
     pub fn sunlight(
         &self,
         intersector: &impl Intersector,
