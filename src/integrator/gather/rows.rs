@@ -158,11 +158,15 @@ struct RowTracer<'t, K> {
     touched: Vec<usize>,
 }
 
+/// The entries of cells around a hit on both sides of its surface, if there
+/// are such, and what they count: parts of the largest albedo.
+type Sides = [(Option<usize>, f64); 2];
+
 /// A surface where a ray has ended.
 struct Met {
     hit: Hit,
-    /// The entry of a cell around it, if there is one.
-    entry: Option<usize>,
+    /// The cells around it.
+    sides: Sides,
     /// The weight of what it reflects.
     weight: f64,
     /// About how much may be wrong about that.
@@ -229,25 +233,52 @@ impl<'t, K: Intersector> RowTracer<'t, K> {
             (End::Sky(_), None) => (),
             (End::Hit(hit), _) => {
                 let u = [random.random(), random.random()];
-                let entry = tracer.cache.place(tracer.name_around(&hit, u));
-                let importance = self.add(&hit, entry, weight);
-                met.push(Met { hit, entry, weight, importance });
+                let sides = self.sides(&hit, u);
+                let importance = self.add(sides, weight);
+                met.push(Met { hit, sides, weight, importance });
             }
         }
     }
 
-    /// Has the row of a cell added, for the albedo of a hit, with a weight.
-    /// Returns about how much may be wrong about it.
-    fn add(&mut self, hit: &Hit, entry: Option<usize>, weight: f64) -> f64 {
+    /// One of the four cells around a hit, at random; around a sheet that
+    /// transmits, one on each side.
+    fn sides(&self, hit: &Hit, u: [f64; 2]) -> Sides {
+        let RadianceCache { grid, .. } = self.tracer.cache;
         let surfaces = &self.tracer.gather.view.surfaces;
-        let part = surfaces.relative_albedo(hit.primitive);
-        let Some(entry) = entry else { return weight.abs() * part };
-        if self.weights[entry] == 0. {
-            self.touched.push(entry);
+        let entry = |normal| {
+            let name = grid.name_around(hit.point, normal, u);
+            self.tracer.cache.place(name)
+        };
+        match surfaces.sheet(hit.primitive) {
+            None => {
+                let part = surfaces.relative_albedo(hit.primitive);
+                [(entry(hit.normal), part), (None, 0.)]
+            }
+            Some(parts) => {
+                let [back, on] = parts.map(|part| part / surfaces.most);
+                [(entry(hit.normal), back), (entry(-hit.normal), on)]
+            }
         }
-        self.weights[entry] += weight * part;
-        let cell = &self.tracer.cache.cells[entry];
-        weight.abs() * part * f64::from(cell.value + cell.error)
+    }
+
+    /// Has the rows of cells added with a weight. Returns about how much may be
+    /// wrong about them.
+    fn add(&mut self, sides: Sides, weight: f64) -> f64 {
+        let mut importance = 0.;
+        for (entry, part) in sides {
+            let weight = weight * part;
+            let Some(entry) = entry else {
+                importance += weight.abs();
+                continue;
+            };
+            if self.weights[entry] == 0. {
+                self.touched.push(entry);
+            }
+            self.weights[entry] += weight;
+            let cell = &self.tracer.cache.cells[entry];
+            importance += weight.abs() * f64::from(cell.value + cell.error);
+        }
+        importance
     }
 
     /// Adds the rows of cells to a row.
@@ -309,11 +340,11 @@ impl<'t, K: Intersector> RowTracer<'t, K> {
     /// Adds an unbiased estimate of the error at `y` to a row.
     fn error_at(&mut self, y: Hit, row: &mut [f64]) {
         let u = [self.random.random(), self.random.random()];
-        let entry = self.tracer.cache.place(self.tracer.name_around(&y, u));
-        let (mut hit, mut entry, mut throughput) = (y, entry, 1.);
+        let (mut hit, mut sides, mut throughput) =
+            (y, self.sides(&y, u), 1.);
         let (net, mut met) = (self.tracer.allocation.net, vec![]);
         for bounce in 0.. {
-            self.add(&hit, entry, -throughput);
+            self.add(sides, -throughput);
             // Gather the row that the place reflects
             let surfaces = &self.tracer.gather.view.surfaces;
             throughput *= surfaces.albedo(hit.primitive);
@@ -339,7 +370,7 @@ impl<'t, K: Intersector> RowTracer<'t, K> {
             });
             let Some(end) = chosen else { break };
             throughput = end.weight * total / end.importance;
-            (hit, entry) = (end.hit, end.entry);
+            (hit, sides) = (end.hit, end.sides);
             // Play Russian roulette
             let long =
                 if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };
