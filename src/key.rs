@@ -180,14 +180,8 @@ impl RunKey {
         other: &Self,
     ) -> Option<(String, [String; 2])> {
         let other = Self { filtered: self.filtered, ..other.clone() };
-        let (a, b) = (entries(self), entries(&other));
-        let mut names = a.keys().chain(b.keys());
-        let name = names.find(|&name| a.get(name) != b.get(name))?;
-        let show = |key: &Map<String, Value>| {
-            let value = key.get(name).map(Value::to_string);
-            quoted(&value.unwrap_or("nothing".to_owned()))
-        };
-        Some((name.clone(), [show(&a), show(&b)]))
+        let keys = [entries(self), entries(&other)].map(Value::Object);
+        first_difference(String::new(), keys.each_ref().map(Some))
     }
 
     /// The window of the run, and the band of it that is rendered.
@@ -218,6 +212,37 @@ impl RunKey {
             film = film.with_rows(tally.is_of_surfaces());
         }
         if self.filtered { film.with_halves(None) } else { film }
+    }
+}
+
+/// The first part in which two values differ, by its path, and both values.
+fn first_difference(
+    path: String,
+    both: [Option<&Value>; 2],
+) -> Option<(String, [String; 2])> {
+    let text = |value: &Value| value.to_string();
+    let texts = both.map(|value| value.map_or("nothing".into(), text));
+    let is_cut = texts.iter().any(|text| text.len() > 77);
+    if is_cut && let [Some(a), Some(b)] = both.map(|value| parts(value?)) {
+        let dot = if path.is_empty() { "" } else { "." };
+        return a.keys().chain(b.keys()).find_map(|name| {
+            let path = format!("{path}{dot}{name}");
+            first_difference(path, [a.get(name), b.get(name)])
+        });
+    }
+    let show = || (path, texts.map(|text| quoted(&text)));
+    (both[0] != both[1]).then(show)
+}
+
+/// The parts of an object or a list.
+fn parts(value: &Value) -> Option<Map<String, Value>> {
+    match value {
+        Value::Object(parts) => Some(parts.clone()),
+        Value::Array(list) => {
+            let parts = list.iter().cloned().enumerate();
+            Some(parts.map(|(i, part)| (i.to_string(), part)).collect())
+        }
+        _ => None,
     }
 }
 

@@ -124,6 +124,53 @@ fn a_fact_that_differs_is_named_with_both_values() {
     }
 }
 
+/// Of a sky, of materials or of a long list the part that differs is shown.
+#[test]
+fn the_part_of_a_fact_that_differs_is_named() {
+    let long = |name: &str| name.repeat(40);
+    let sky = |y, z| {
+        let sky = json!({ "cover": "uniform", "zenith": [0., y, z] });
+        let sun = json!({
+            "toward": [0.1234567890123, 0.2345678901234, 0.9],
+            "irradiance": 2.5,
+        });
+        let mut sky = sky;
+        sky["beam"] = sun;
+        sky
+    };
+    let materials = |b| json!({ long("a"): 0.2, long("b"): b });
+    let named =
+        |c: f64| json!([[long("a"), 0.5], [long("b"), 0.25], ["c", c]]);
+    for (name, a, b, part, values) in [
+        (
+            "sky",
+            sky(0., 1.),
+            sky(1., 0.),
+            "sky.zenith",
+            ["[0.0,0.0,1.0]", "[0.0,1.0,0.0]"],
+        ),
+        (
+            "materials",
+            materials(0.3),
+            materials(0.4),
+            &format!("materials.{}", long("b")),
+            ["0.3", "0.4"],
+        ),
+        (
+            "named_albedos",
+            named(0.5),
+            named(0.75),
+            "named_albedos.2",
+            ["[\"c\",0.5]", "[\"c\",0.75]"],
+        ),
+    ] {
+        let keys = [a, b].map(|value| run_key_with(json!({ name: value })));
+        let found = keys[0].disagreement(&keys[1]);
+        assert_eq!(found, Some((part.to_owned(), values.map(Into::into))));
+        assert_eq!(keys[0].disagreement(&keys[0]), None);
+    }
+}
+
 /// What a gather has learnt comes back, and what none can learn is refused.
 #[test]
 fn what_cannot_be_learnt_is_refused() {

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::integrator::gather::Learnt;
 use crate::key::RunKey;
-use crate::plan::Plan;
+use crate::plan::{Plan, is_dash};
 use crate::render_loop::Convergence;
 use crate::report::Report;
 use crate::scene::encoding::shortened;
@@ -195,6 +195,10 @@ impl Checkpoint {
     /// Those of [`Checkpoint::open`], or the file cannot be read.
     pub fn of_file(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
+        if is_dash(path) {
+            let fault = "cannot read a state from a pipe: name a file";
+            return Err(Error::from(fault).of_file(name));
+        }
         let opened = File::open(path)
             .map_err(unreadable)
             .and_then(|file| Self::open(BufReader::new(file)));
