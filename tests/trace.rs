@@ -209,10 +209,10 @@ fn a_sample_that_the_run_does_not_have_is_refused() {
     assert!(String::from_utf8(text).unwrap().contains("end  "));
     assert!(place.get("a.png") == b"old");
     let run = place.line(&format!("{line} 1,2,2"));
-    run.failed(1, &["--sample 1,2,2: the run has no such sample"]);
+    run.failed(2, &["--sample 1,2,2: the run has no such sample"]);
     // A part has its own rows.
     let part = "room.obj -d9x40 -n2 --integrator=reference --tiles=2/2";
     let run = place.line(&format!("{part} --sample 3,2,1"));
-    run.failed(1, &["--sample 3,2,1: nothing is rendered there"]);
+    run.failed(2, &["--sample 3,2,1: nothing is rendered there"]);
     place.done(&format!("{part} --sample 3,39,1"));
 }

@@ -15,14 +15,14 @@ use clap::CommandFactory;
 use clap::builder::StyledStr;
 
 use super::files;
-use super::options::{Error, Options};
+use super::options::{Error, Options, by_option, usage};
 use super::progress::{self, render_bar, update};
 use super::ranks::{Ranks, start_threads};
 use super::watchdog::without_image;
 use super::watchdog::{Watchdog, hard_deadline, listen, status};
 use crate::analysis::Finding;
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{self, Result};
 use crate::film::{Film, Summary};
 use crate::filter::Filtered;
 use crate::host::Host;
@@ -59,6 +59,9 @@ pub fn fail(error: Error) -> u8 {
             Ok(()) => return 0,
             Err(error) => error.into(),
         },
+        Error::Failure(fault @ error::Error::Value { .. }) => {
+            usage(by_option(&fault), "pt")
+        }
         other => other,
     };
     progress::error(&error.to_string());
