@@ -8,6 +8,7 @@ use crate::outputs::png;
 use crate::prelude::*;
 
 use litpt::cli::options::Options;
+use litpt::compare::display::Exposure;
 use litpt::sky::Cover;
 
 fn plan(line: &str) -> Plan {
@@ -100,12 +101,35 @@ fn a_default_of_pictures_is_off_when_its_option_is_typed() {
     assert_eq!(sky("--background=1").ground, None);
     let all = SkyPlan { cover: Cover::Overcast, ..picture.sky };
     assert_eq!(sky("--sky=overcast"), all);
+    // A sun outshines the sky, which is white.
+    let exposure = |words: &str| {
+        let line = format!("a.obj -oa.png --sun=0,40 {words}");
+        plan(&line).outputs.exposure
+    };
+    assert_eq!(exposure("--direct=4"), Some(Exposure::Auto));
+    let stops = exposure("--direct=4 --exposure=1");
+    assert_eq!(stops, Some(Exposure::Stops(1.)));
+    let others = ["", "--direct=4 -oa.exr", "--direct=4 --report=a.csv"];
+    assert!(others.map(exposure).iter().all(Option::is_none));
     let fov = |words: &str| {
         let plan = bare(&format!("a.obj -oa.png {words}"));
         plan.camera().unwrap().fov
     };
     let fovs = ["--view=top", "-F70", "-p1,1,1", "-t1,1,1"].map(fov);
     assert_eq!(fovs, [35., 70., 70., 70.]);
+}
+
+/// A square in the sun shows shades of grey, and none of them is white.
+#[test]
+fn a_picture_in_the_sun_is_not_burnt_out() {
+    let place = Scratch::new();
+    let line =
+        format!("square.obj {} --sun=0,40 --direct=4", ABOVE.join(" "));
+    place
+        .free(&format!("{line} -d16x12 -n16 -oa.png"))
+        .told(&["exposure auto (--exposure)", "exposure  -"]);
+    let levels = png(&place.get("a.png")).2;
+    assert!(levels.iter().all(|&it| 0 < it && it < 65535));
 }
 
 /// The level of a PNG for a radiance.

@@ -109,7 +109,9 @@ fn what_cannot_be_done_is_told_at_once() {
             if words.contains("room.obj ") { "" } else { "missing.obj" };
         let files = format!("{scene} -o first.pgm {words} {force}");
         let run = place.line(&files);
-        run.failed(1, &[fault]);
+        let is_odd = ["-p1", "-t1"].iter().any(|it| words.starts_with(it));
+        let status = if is_odd { 2 } else { 1 };
+        run.failed(status, &[fault]);
         assert!(!run.stderr.contains('\u{1b}'), "{}", run.stderr);
         assert!(!run.stderr.contains(".pt-"), "{}", run.stderr);
         assert!(run.stderr.chars().count() < 400, "{}", run.stderr);
@@ -299,6 +301,14 @@ fn what_the_shell_has_opened_is_written_and_not_replaced() {
             let both = once + &image;
             assert!(place.text("log") == both, "{command}");
         }
+    }
+    for values in ["--faces", "--faces --view-factors=faces"] {
+        let run = |name| {
+            let command = format!("$PT room.obj -qn2 {values} -o {name}");
+            place.shell(&command).succeeded().stdout
+        };
+        let table = run("-");
+        assert!(!table.is_empty() && table == run("/dev/stdout"));
     }
     // So are descriptors of other numbers.
     let files = "-o /dev/fd/5 --report /dev/fd/3 --checkpoint /dev/fd/4";

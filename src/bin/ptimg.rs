@@ -28,7 +28,7 @@ use litpt::image::{Format, Image, OPACITY};
 use litpt::matrix::daylight::Daylight as Coefficients;
 use litpt::matrix::daylight::{Demand, Interval, SkyMatrix, Year};
 use litpt::output::{OutputTarget, descriptor, format_of, refuse_aliases};
-use litpt::plan::{Outputs, Product};
+use litpt::plan::{Outputs, Product, is_dash};
 use litpt::report::Kind;
 use litpt::run_output::RunOutput;
 use litpt::state::checkpoint::{Checkpoint, RunRecord};
@@ -425,6 +425,7 @@ fn merge(
                 OutputTarget::file(path, to.force)?,
             ));
         }
+        format_of(path, Format::Exr).map_err(shards::or_state)?;
         let (format, target) = to.target(path, Format::Exr)?;
         Ok((Product::Image(format), target))
     };
@@ -498,7 +499,8 @@ fn daylight(asked: &Daylight) -> Result<()> {
     };
     let mut film = run_key.film();
     checkpoint.fill(&mut film)?;
-    let bytes = fs::read(sky).map_err(Error::cannot("read", sky))?;
+    let file = if is_dash(sky) { Path::new("/dev/stdin") } else { sky };
+    let bytes = fs::read(file).map_err(Error::cannot("read", sky))?;
     let year = SkyMatrix::read(&bytes).map_err(|e| e.of_file(sky))?;
     let steps = steps(&asked.hours, year.steps)?;
     let columns = Patches::new(factor, DVec3::Z).count();
@@ -534,6 +536,7 @@ fn daylight(asked: &Daylight) -> Result<()> {
     hourly.map_or(Ok(()), |target| target.write(&mut hours))?;
     let Interval { value, ends: [a, b] } = found.spatial;
     let [value, a, b, part] = [value, a, b, part].map(|part| 100. * part);
+    let part = words(&json!(part));
     progress::inform(&format!(
         "sDA {value:.1} % of the sensors, from {a:.1} to {b:.1} %, have \
          {enough} lux in {part} % of {} hours",

@@ -320,8 +320,8 @@ pub struct OutputOptions {
     pub preview: bool,
 
     /// Brighten .png and .html by this many stops, or auto, by which all but the
-    /// sky fills the scale [default: 0; auto for .html and for a picture that is
-    /// not named]
+    /// sky fills the scale [default: 0; auto for .html, for a picture that is not
+    /// named, and with --direct if only pictures are written]
     #[arg(long, value_name = "STOPS|auto", value_parser = Exposure::parse,
           conflicts_with = "receivers")]
     pub exposure: Option<Exposure>,

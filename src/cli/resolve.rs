@@ -24,7 +24,7 @@ use crate::render::choose::default_samples;
 use crate::report::Kind;
 use crate::sensor::table::TableFormat;
 use crate::sky::{Cover, Sky};
-use crate::state::shards::is_state_name;
+use crate::state::shards::{is_state_name, or_state};
 use crate::tally::Tally;
 
 /// The first option that has changed a value, if one has.
@@ -282,6 +282,10 @@ impl Options {
         if !plan.says_up() {
             said.push("the axis up that faces suggest, or z (-u)");
         }
+        if plan.sky.direct.is_some() && plan.outputs.exposure.is_none() {
+            plan.outputs.exposure = Some(Exposure::Auto);
+            said.push("exposure auto (--exposure)");
+        }
         if (limits.samples, limits.time, limits.error) == (None, None, None)
         {
             (plan.budget.samples, plan.budget.time) = (None, Some(10.));
@@ -310,19 +314,19 @@ impl Options {
         if named.is_empty() {
             images.push("-".into());
         }
+        let kind = (plan.points().is_none(), self.sensor.binary);
         let image = |path: PathBuf| {
-            let product = match matrix {
-                Some(tally) => {
-                    let kind =
-                        (plan.points().is_none(), self.sensor.binary);
-                    Product::Matrix(MatrixFormat::of(&path, tally, kind)?)
-                }
-                None if is_list => {
-                    Product::Table(TableFormat::of(&path, has_vertices)?)
-                }
-                None => Product::Image(format_of(&path, usual)?),
-            };
-            Ok((product, path))
+            let is_open = descriptor(&path).is_some();
+            let name = if is_open { Path::new("-") } else { &path };
+            let product =
+                match matrix {
+                    Some(tally) => MatrixFormat::of(name, tally, kind)
+                        .map(Product::Matrix),
+                    None if is_list => TableFormat::of(name, has_vertices)
+                        .map(Product::Table),
+                    None => format_of(name, usual).map(Product::Image),
+                };
+            Ok((product.map_err(or_state)?, path))
         };
         // Find the one state of the run
         let states =

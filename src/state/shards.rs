@@ -8,7 +8,7 @@ use std::fmt;
 use std::io::{BufRead, Seek};
 use std::path::Path;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::film::{Film, Window};
 use crate::image::extension;
 use crate::integrator::gather::Learnt;
@@ -19,6 +19,11 @@ use crate::state::checkpoint::{Checkpoint, RunRecord};
 /// Whether the state of a run is written to a file of this name.
 pub fn is_state_name(path: &Path) -> bool {
     extension(path).as_deref() == Some("litpt")
+}
+
+/// Adds to a fault in the name of an output that a state can be written, too.
+pub fn or_state(fault: Error) -> Error {
+    Error::from(format!("{fault}, or .litpt for the state of the run"))
 }
 
 /// Samples of rows of an image; each pair is a beginning and an end.
