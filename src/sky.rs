@@ -103,7 +103,10 @@ impl FromStr for Cover {
             let number = column.strip_prefix(':');
             let number = number.and_then(|text| text.parse().ok());
             let is_sound = column.is_empty() || number > Some(0);
-            let wanted = "expected a column from 1 on, as in sky.smx:12";
+            let wanted = match column.starts_with('.') {
+                true => PACKED,
+                false => "expected a column from 1 on, as in sky.smx:12",
+            };
             let sky = Self::Matrix(file.into(), number);
             return is_sound.then_some(sky).ok_or(wanted.to_owned());
         }
@@ -134,6 +137,10 @@ impl FromStr for Cover {
         Err(wanted.to_owned())
     }
 }
+
+/// Why a file is refused.
+pub(crate) const PACKED: &str =
+    "a compressed sky matrix is not read: unpack it";
 
 /// Two finite numbers around a comma.
 pub(crate) fn parse_pair(text: &str) -> Option<[f64; 2]> {

@@ -15,6 +15,8 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::sampler::generator;
+use crate::scene::encoding;
+use crate::sky::PACKED;
 use crate::tally::REPLICATES;
 
 /// The radiances of a sky, as gendaymtx writes them.
@@ -40,6 +42,9 @@ impl SkyMatrix {
     /// # Errors
     /// It is none, it holds solar radiances (`-O1`), or it ends too soon.
     pub fn read(bytes: &[u8]) -> Result<Self> {
+        if encoding::format(bytes).is_some() {
+            return Err(PACKED.into());
+        }
         let mut end = 0;
         for line in bytes.split_inclusive(|byte| *byte == b'\n') {
             end += line.len();
