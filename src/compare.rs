@@ -267,7 +267,7 @@ fn dispersion(
 /// Attributes that decide which radiances an image estimates: the hash of
 /// the scene, and the entries of a `Subject`.
 const SUBJECT: &str = "scene_sha256 resolution crop position target up fov \
-    albedo materials named_albedos sky ground";
+    albedo materials named_albedos panes transmitting sky ground";
 
 /// Lists how the scenes and views of two images differ, as in `fov 70.0
 /// against 60.0`, from their attributes; nothing if one has none.

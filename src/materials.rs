@@ -135,7 +135,13 @@ pub fn libraries(
         let part = part? * filter.map_or(1., number);
         (part > 0.).then_some((name, part.min(CLEAREST)))
     });
-    let defined = Defined { albedos, panes: panes.collect() };
+    let panes: BTreeMap<_, _> = panes.collect();
+    if glass && panes.is_empty() {
+        let what =
+            "no material is transparent (d, Tr), hence none is glass";
+        warnings.push(Diagnostic::from(what).of_file(scene));
+    }
+    let defined = Defined { albedos, panes };
     Ok((defined, warnings))
 }
 
@@ -171,7 +177,7 @@ pub struct Named {
 
 impl Named {
     /// The bsdf of each name that was given one, the last one before all.
-    fn given(&self) -> impl Iterator<Item = (&str, Bsdf)> {
+    pub(crate) fn given(&self) -> impl Iterator<Item = (&str, Bsdf)> {
         let albedos = self.named_albedos.iter();
         let opaque = albedos.map(|(n, a)| (&n[..], Bsdf::Diffuse(*a)));
         let transmitting = self.transmitting.iter();
@@ -222,16 +228,8 @@ impl FaceAlbedos {
         // Reject a name that is not in the file
         let mut unknown = named.given().zip(is_used);
         if let Some(((name, bsdf), _)) = unknown.find(|(_, used)| !used) {
-            let name_there = quoted(name);
-            let option = match bsdf {
-                Bsdf::Diffuse(albedo) => {
-                    format!("--albedo {name_there}={albedo}")
-                }
-                Bsdf::Glass(part) => format!("--glass {name_there}={part}"),
-                Bsdf::Transmitter([back, on]) => {
-                    format!("--transmit {name_there}={back},{on}")
-                }
-            };
+            let (option, value) = bsdf.typed(name);
+            let option = format!("--{option} {value}");
             return Err(unknown_name(marks, name, &option).into());
         }
         Ok(Self { stretches })

@@ -22,6 +22,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::os::unix::ffi::OsStringExt;
@@ -501,20 +502,36 @@ impl Plan {
                       (--glass, --transmit)";
         require(is_opaque || !leaves, "radiosity", "", wanted)?;
         for (name, bsdf) in &self.surfaces.transmitting {
-            let (option, value, is_valid, wanted) = match bsdf {
+            let (is_valid, wanted) = match bsdf {
                 Bsdf::Transmitter([back, on]) => (
-                    "transmit",
-                    format!("{name}={back},{on}"),
                     *back >= 0. && *on >= 0. && back + on <= 1.,
                     TRANSMITTER,
                 ),
                 bsdf => {
                     let part = bsdf.transmittance();
-                    let is_valid = (0. ..=CLEAREST).contains(&part);
-                    ("glass", format!("{name}={part}"), is_valid, GLASS)
+                    ((0. ..=CLEAREST).contains(&part), GLASS)
                 }
             };
+            let (option, value) = bsdf.typed(name);
             require(is_valid, option, value, wanted)?;
+        }
+        self.check_names()
+    }
+
+    /// Checks that no name is given two kinds of surfaces.
+    fn check_names(&self) -> Result<()> {
+        let SurfacePlan { named, transmitting, .. } = &self.surfaces;
+        let opaque = named.iter().map(|(n, a)| (n, Bsdf::Diffuse(*a)));
+        let clear = transmitting.iter().map(|(name, bsdf)| (name, *bsdf));
+        let mut given = BTreeMap::new();
+        for (name, bsdf) in clear.chain(opaque) {
+            let (option, value) = bsdf.typed(name);
+            let first =
+                given.entry(name).or_insert((option, value.clone()));
+            let (other, there) = &*first;
+            let fault =
+                format!("contradicts --{other} {there}; give one of them");
+            require(*other == option, option, value, &fault)?;
         }
         Ok(())
     }
@@ -546,7 +563,7 @@ impl Plan {
             _ if has_patches && !is_uniform => {
                 "needs the uniform sky without a glow, whose light does not matter"
             }
-            _ if !is_fit => "is sampled by the method sobol alone",
+            _ if !is_fit => METHODS[usize::from(tally.can_gather())],
             _ if tally.is_of_surfaces() && is_relative => {
                 "needs an absolute error: entries may be 0"
             }
@@ -644,7 +661,7 @@ impl SkyPlan {
         let direct = self.direct.unwrap_or(0.);
         let is_irradiance = (0. ..=1e6).contains(&direct);
         let wanted = "expected an irradiance from 0 to 1e6";
-        require(is_irradiance, "direct", direct, wanted)?;
+        require(is_irradiance, "direct", format!("{direct:?}"), wanted)?;
         let has_sun = self.direct.is_none() || self.sun.is_some();
         let wanted = "needs the direction to the sun, --sun";
         require(has_sun, "direct", direct, wanted)?;
@@ -653,6 +670,12 @@ impl SkyPlan {
         require(is_lit, "sky", &self.cover, wanted)
     }
 }
+
+/// Why a tally refuses a method, if it cannot be gathered and if it can.
+const METHODS: [&str; 2] = [
+    "is sampled by the method sobol alone",
+    "is sampled by the methods sobol and gather alone",
+];
 
 /// Why a tally refuses the sun.
 const NO_SUN: &str = "has no light of a sun, and not --direct";

@@ -88,7 +88,7 @@ pub struct Scene {
     /// copies.
     pub triangles: Triangles,
     /// The faces, from 0, of triangles without an area, and of triangles
-    /// that have the same corners as an earlier one.
+    /// that have the same corners as another one.
     pub left_out: [Vec<u32>; 2],
 }
 
@@ -106,6 +106,12 @@ impl Scene {
 
     /// Like `new`, but takes the mesh over.
     pub fn of(mesh: Mesh) -> Self {
+        Self::keeping(mesh, |_| 0.)
+    }
+
+    /// Like `of`, where faces let these parts of the light through; of
+    /// triangles with the same corners, the first of the least part is kept.
+    pub fn keeping(mesh: Mesh, through: impl Fn(u32) -> f64) -> Self {
         let (extremes, faces) = (mesh.corners(), mesh.faces());
         let Mesh { vertices, triangles: corners, .. } = mesh;
         let mut triangles = Triangles { vertices, corners, faces };
@@ -132,7 +138,7 @@ impl Scene {
         let flat = indices.map(|i| !has_area(triangles.get(i)));
         let flat: Vec<bool> = flat.collect();
         let flat = triangles.leave_out(&flat);
-        let copies = copies(&triangles);
+        let copies = copies(&triangles, through);
         let left_out = [flat, triangles.leave_out(&copies)];
         Self { frame, triangles, left_out }
     }
@@ -141,8 +147,12 @@ impl Scene {
 /// Coordinates that are smaller count as zero: 2^-100.
 const TINY: f64 = f64::from_bits((1023 - 100) << 52);
 
-/// Which triangles have the same corners as an earlier one.
-fn copies(triangles: &Triangles) -> Vec<bool> {
+/// Which triangles have the same corners as another one that is kept: the
+/// first of those that let the least light through.
+fn copies(
+    triangles: &Triangles,
+    through: impl Fn(u32) -> f64,
+) -> Vec<bool> {
     let bits = |p: DVec3| p.to_array().map(f64::to_bits);
     let hashes = triangles.vertices.par_iter().map(|&p| scattered(bits(p)));
     let hashes: Vec<u64> = hashes.collect();
@@ -177,8 +187,14 @@ fn copies(triangles: &Triangles) -> Vec<bool> {
         a.0 == b.0 && corners(a.1) == corners(b.1)
     };
     let mut is_copy = vec![false; triangles.corners.len()];
-    for equal in kept.chunk_by(is_equal) {
-        equal[1..].iter().for_each(|&(_, i)| is_copy[i as usize] = true);
+    // Mark all copies but one
+    let through = |i: u32| through(triangles.faces[i as usize]);
+    for equal in kept.chunk_by(is_equal).filter(|equal| equal.len() > 1) {
+        let numbers = equal.iter().map(|&(_, i)| i);
+        let least = |&i: &u32, &j: &u32| through(i).total_cmp(&through(j));
+        let kept = numbers.clone().min_by(least);
+        let others = numbers.filter(|&i| Some(i) != kept);
+        others.for_each(|i| is_copy[i as usize] = true);
     }
     is_copy
 }

@@ -17,6 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -46,7 +47,7 @@ use crate::scene::{Frame, MarkKind, Mesh, Scene};
 use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
 use crate::sky::sun::Beam;
-use crate::sky::{Cover, Gradation, Patchwork, Sky};
+use crate::sky::{Cover, Gradation, Patchwork, Sky, Sun};
 use crate::tally::Columns;
 
 /// A subject, the hierarchy of its scene, and the findings about both.
@@ -191,7 +192,12 @@ impl World {
         };
         let scene = match built.filter(|_| is_elsewhere) {
             Some(built) => Scene::empty(built.frame.clone()),
-            None => Scene::of(Arc::unwrap_or_clone(inputs.mesh)),
+            None => {
+                let mesh = Arc::unwrap_or_clone(inputs.mesh);
+                Scene::keeping(mesh, |face| {
+                    faces.bsdf(face).transmittance()
+                })
+            }
         };
         let mut sensor = match &table {
             Some(table) => Sensor::Receivers(table.receivers(&scene)),
@@ -320,6 +326,15 @@ fn build(
     let rays = rays / host.ranks.rank_and_size().1 as f64;
     let quality = Quality::expecting(triangles.corners.len(), rays);
     warn_of_size(&triangles, host);
+    // Warn of a pane that is left out
+    let is_clear = |i: &&u32| faces.bsdf(**i).transmittance() > 0.;
+    if let Some(first) = left_out[1].iter().find(is_clear) {
+        let (file, first) = (plan.scene_name(), first + 1);
+        host.warn(format!(
+            "{file}: face {first} is the first pane or sheet with the corners of \
+             another face: only the one that lets least light through is kept"
+        ));
+    }
     let total = Some(triangles.corners.len() as u64);
     host.enter("building the hierarchy", total);
     let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
@@ -431,17 +446,17 @@ fn sky(
     };
     if let Some(sun) = plan.sun {
         let toward = sun.direction(zenith);
-        let is_up = toward.dot(zenith) > 0. || !plan.cover.needs_sun();
+        let shines = plan.cover.needs_sun() || plan.direct.is_some();
+        let is_up = toward.dot(zenith) > 0. || !shines;
+        let named = match sun {
+            Sun::Toward(vector) => typed(vector),
+            Sun::At(azimuth, altitude) => format!("{azimuth},{altitude}"),
+        };
         let wanted = "expected a sun above the horizon";
-        require(is_up, "sun", typed(toward), wanted)?;
+        require(is_up, "sun", named, wanted)?;
         sky = sky.toward(toward);
-    }
-    if let (Some(irradiance), Some(sun)) = (plan.direct, plan.sun) {
-        let toward = sun.direction(zenith);
-        let height = toward.dot(zenith);
-        let wanted = "expected a sun above the horizon";
-        require(height > 0., "sun", typed(toward), wanted)?;
-        sky.beam = Some(Beam { toward, irradiance });
+        let beam = |irradiance| Beam { toward, irradiance };
+        sky.beam = plan.direct.map(beam);
     }
     let is_sound = sky.gradation.is_none_or(Gradation::is_sound);
     let wanted = "its formula grows without bound at the horizon, or is \
@@ -494,17 +509,18 @@ fn note_camera(plan: &Plan, subject: &Subject, host: Host) {
 
 /// Notes how much light panes reflect, which is left out.
 fn note_panes(named: &Named, host: Host) {
-    let given = named.transmitting.iter().map(|(name, bsdf)| (name, *bsdf));
-    let found = named.panes.iter().map(|(n, t)| (n, Bsdf::Glass(*t)));
-    let mut panes =
-        given.chain(found).filter_map(|(name, bsdf)| match bsdf {
-            Bsdf::Glass(part) => Some((name, part)),
-            _ => None,
-        });
-    let Some((name, part)) = panes.next() else { return };
+    let found = named.panes.iter().map(|(n, t)| (&n[..], Bsdf::Glass(*t)));
+    let mut panes = BTreeMap::new();
+    for (name, bsdf) in found.chain(named.given()) {
+        match bsdf {
+            Bsdf::Glass(part) => panes.insert(name, part),
+            _ => panes.remove(name),
+        };
+    }
+    let Some((name, &part)) = panes.first_key_value() else { return };
     let [through, back] = Pane::new(part).diffuse_shares();
-    let name = quoted(name);
-    let more = match panes.count() {
+    let (name, part) = (quoted(name), brief(part));
+    let more = match panes.len() - 1 {
         0 => String::new(),
         n => format!("; and {n} more"),
     };
@@ -514,17 +530,23 @@ fn note_panes(named: &Named, host: Host) {
     )));
 }
 
+/// A number with six decimals at most.
+fn brief(x: f64) -> f64 {
+    (1e6 * x).round() / 1e6 + 0.
+}
+
 /// The sky and the ground in words, and another axis that seems to be up.
 fn light(plan: &Plan, mesh: &Mesh, subject: &Subject) -> String {
     let Sky { zenith, gradation, beam, .. } = subject.sky;
     let cover = &plan.sky.cover;
-    let mut light = format!("{cover}, zenith {}", direction(zenith));
+    let shown = |v: DVec3| direction(v.to_array().map(brief).into());
+    let mut light = format!("{cover}, zenith {}", shown(zenith));
     let sun = gradation.filter(|_| cover.needs_sun()).map(|it| it.sun);
     if let Some(sun) = beam.map(|beam| beam.toward).or(sun) {
-        light += &format!(", sun {}", direction(sun));
+        light += &format!(", sun {}", shown(sun));
     }
     if let Some(Beam { irradiance, .. }) = beam {
-        light += &format!(" of irradiance {irradiance}");
+        light += &format!(" of irradiance {}", brief(irradiance));
     }
     let ground = subject.ground.map(|albedo| ("", albedo));
     let glow = plan.sky.ground_glow.filter(|albedo| *albedo > 0.);

@@ -122,6 +122,19 @@ fn a_bar_begins_at_zero_and_never_goes_back_and_is_then_removed() {
     assert!(rest.trim_end().ends_with("status 143"), "{text:?}");
 }
 
+/// Numbers that are computed have six decimals at most.
+#[test]
+fn messages_have_few_digits() {
+    let place = Scratch::with("a.mtl", "newmtl a\nKd 0.5 0.5 0.5\nd 0\n");
+    let text = format!("mtllib a.mtl\nusemtl a\n{SQUARE}");
+    place.put("a.obj", text);
+    let run = "a.obj -n1 -fob.exr --glass=materials --direct=1 --sun=1,0,1";
+    place.free(&format!("{run} --zenith=0,1,3")).told(&[
+        "glass a transmits 0.918318 of",
+        "zenith 0,0.316228,0.948683, sun 0.707107,0,0.707107",
+    ]);
+}
+
 /// What is shown after a number of paths and seconds.
 #[test]
 fn progress_is_the_larger_share_of_paths_and_time() {

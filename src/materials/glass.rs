@@ -16,6 +16,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::scene::encoding::quoted;
+
 /// How a face scatters light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -45,6 +47,20 @@ impl Bsdf {
         match self {
             Self::Diffuse(_) => 0.,
             Self::Glass(part) | Self::Transmitter([_, part]) => part,
+        }
+    }
+
+    /// The option that gives it to a name, and the value of the option.
+    pub fn typed(self, name: &str) -> (&'static str, String) {
+        let name = quoted(name);
+        match self {
+            Self::Diffuse(albedo) => {
+                ("albedo", format!("{name}={albedo:?}"))
+            }
+            Self::Glass(part) => ("glass", format!("{name}={part:?}")),
+            Self::Transmitter([back, on]) => {
+                ("transmit", format!("{name}={back:?},{on:?}"))
+            }
         }
     }
 

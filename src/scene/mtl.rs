@@ -26,6 +26,9 @@ pub struct Library {
     pub warnings: Vec<Diagnostic>,
 }
 
+/// A transparency that is not understood.
+const ODD: &str = "transparent (a d, Tr or Tf that is not from 0 to 1)";
+
 /// How a material lets light through.
 #[derive(Clone, Copy, Default)]
 pub struct Clear {
@@ -36,9 +39,9 @@ pub struct Clear {
 }
 
 impl Clear {
-    /// Notes a statement; returns whether it is about transparency, and made
-    /// of numbers from 0 to 1.
-    fn note(&mut self, line: &[u8]) -> bool {
+    /// Notes a statement; if it is about transparency, returns whether it is
+    /// made of numbers from 0 to 1.
+    fn note(&mut self, line: &[u8]) -> Option<bool> {
         let word = String::from_utf8_lossy(name(line)).to_ascii_lowercase();
         let text = rest(said(line));
         let numbers = text.split_whitespace().map(str::parse);
@@ -54,9 +57,10 @@ impl Clear {
             ("tf", Some(&[r, g, b])) => {
                 &mut self.filter.get_or_insert([r, g, b])[0]
             }
-            _ => return false,
+            ("d" | "tr" | "tf", _) => return Some(false),
+            _ => return None,
         };
-        true
+        Some(true)
     }
 }
 
@@ -81,13 +85,16 @@ pub fn read_mtl(
             material = rest(line);
         } else if used.contains(&material[..]) {
             // Read a statement of a material
-            if let Some(panes) = &mut library.panes
-                && panes.entry(material.clone()).or_default().note(line)
-            {
-                continue;
-            }
+            let panes = library.panes.as_mut();
+            let noted = panes.and_then(|panes| {
+                panes.entry(material.clone()).or_default().note(line)
+            });
             let kd = library.diffuse.entry(material.clone());
-            let judged = judge(line, kd);
+            let judged = match noted {
+                Some(true) => continue,
+                Some(false) => Ok(Some(ODD)),
+                None => judge(line, kd),
+            };
             let judged = judged.map_err(|what| at(text, line, what))?;
             let Some(kind) = judged else { continue };
             let first = || {
