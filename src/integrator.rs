@@ -278,7 +278,7 @@ impl Integrator for PathTracer<'_> {
 
     #[inline(always)]
     fn direct(&self, path: &PathState) -> f64 {
-        path.direct
+        if self.sky.beam.is_some() { path.direct } else { 0. }
     }
 
     #[inline(always)]
@@ -294,7 +294,7 @@ impl Integrator for PathTracer<'_> {
         let Some(hit) = hit else {
             let radiance = match path.bounces {
                 0 => self.sky.seen(path.direction),
-                _ => self.sky.radiance(path.direction),
+                _ => self.sky.dim_radiance(path.direction),
             };
             return path.end(path.throughput * radiance);
         };
@@ -340,9 +340,9 @@ impl Integrator for PathTracer<'_> {
         path.bounces += 1;
         let ray = Ray { origin: hit.point, direction: path.direction };
         // Look for the sun first
-        if let Some(beam) = &self.sky.beam {
+        if self.sky.has_sun() {
             let u = sampler.get_2d(dimension::sun(bounce));
-            let sun = beam.sample(normal, u);
+            let sun = self.sky.sample_sun(normal, u);
             return path.look_for_sun(sun, ray, hit.primitive);
         }
         PathEvent::Scatter(ray, hit.primitive)

@@ -173,6 +173,10 @@ pub struct Sky {
     /// The sun, if it shines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beam: Option<Beam>,
+    /// The irradiance of a surface that would face all that shadow rays look
+    /// for in its patches; 0 if they look for nothing there.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub excess: f64,
     /// Its patches, if it is of a matrix.
     #[serde(skip)]
     pub patchwork: Option<Arc<Patchwork>>,
@@ -288,9 +292,9 @@ fn perez(clearness: f64, brightness: f64, angle: f64) -> [f64; 5] {
 }
 /// The radiance at the horizon, and its rise to the zenith, of the sky nearest
 /// to one of this m.
-fn nearest(m: f64) -> [f64; 2] {
-    let rise = 18. * (m - 2. / 3.);
-    [1. - 2. / 3. * rise, rise]
+fn nearest([first, second]: [f64; 2]) -> [f64; 2] {
+    let rise = 18. * (second - 2. / 3. * first);
+    [first - 2. / 3. * rise, rise]
 }
 
 impl Gradation {
@@ -313,7 +317,7 @@ impl Gradation {
         let [first, second, negative] = new.moments(zenith);
         let is_lit = first > 0. && negative < 0.01 * first;
         let unit = if is_lit { 1. / first } else { f64::NAN };
-        let even = nearest(second / first);
+        let even = nearest([1., second / first]);
         Some(Self { unit, even, ..new })
     }
     /// The integrals of the radiance over the sky, weighted by the height above
@@ -380,9 +384,18 @@ pub struct Patchwork {
     patches: Patches,
     /// The radiance of each.
     radiances: Arc<[f64]>,
-    /// The radiance at the horizon of the nearest sky, and its rise.
+    /// The radiance above which shadow rays look for the light of a patch.
+    limit: f64,
+    /// The numbers of the brighter patches, each with the irradiance of a
+    /// surface that faces what is above in it and in those before.
+    bright: Arc<[(u32, f64)]>,
+    /// The radiance at the horizon of the sky nearest to what is below, and
+    /// its rise.
     even: [f64; 2],
 }
+
+/// The limit, in units of the median of the patches.
+const LIMIT: f64 = 20.;
 impl Patchwork {
     /// A sky of these patches with these relative radiances, or none if it
     /// has no light above the horizon; it was typed so, and keys call it
@@ -397,17 +410,31 @@ impl Patchwork {
     ) -> Option<Self> {
         // Find the radiances of the patches
         let moments = patches.moments();
-        let moment = |k: usize| {
-            let parts = values.iter().zip(&moments).map(|(x, m)| x * m[k]);
-            parts.sum::<f64>()
+        let moment = |k: usize, limit: f64| {
+            let values = values.iter().map(|x| x.min(limit));
+            values.zip(&moments).map(|(x, m)| x * m[k]).sum::<f64>()
         };
-        let (first, second) = (moment(0), moment(1));
+        let first = moment(0, f64::INFINITY);
         if !(first > 0. && first.is_finite()) {
             return None;
         }
         let radiances = values.iter().map(|x| x / first).collect();
-        let even = nearest(second / first);
-        Some(Self { typed, cover, patches, radiances, even })
+        let mut sorted = values[1..].to_vec();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let limit = LIMIT * sorted[sorted.len() / 2];
+        let even = nearest([0, 1].map(|k| moment(k, limit) / first));
+        let (mut bright, mut sum) = (vec![], 0.);
+        for (number, (value, moments)) in
+            (0..).zip(values.iter().zip(&moments))
+        {
+            let above = (value - limit) / first * moments[2];
+            if above > 0. {
+                sum += above;
+                bright.push((number, sum));
+            }
+        }
+        let (limit, bright) = (limit / first, bright.into());
+        Some(Self { typed, cover, patches, radiances, limit, bright, even })
     }
 
     /// The radiance of a direction above the horizon.
@@ -415,6 +442,22 @@ impl Patchwork {
     #[inline(never)]
     fn radiance(&self, direction: DVec3) -> f64 {
         self.radiances[self.patches.number(direction) as usize]
+    }
+
+    /// A direction that two numbers uniform over [0, 1) choose, with a density
+    /// proportional to the radiance above the limit.
+    ///
+    /// # Panics
+    /// No patch is bright.
+    pub fn sample(&self, [u, v]: [f64; 2]) -> DVec3 {
+        let last = self.bright.len() - 1;
+        let reach = u * self.bright[last].1;
+        let place = self.bright.partition_point(|(_, sum)| *sum <= reach);
+        let place = place.min(last);
+        let before = place.checked_sub(1).map_or(0., |i| self.bright[i].1);
+        let (number, sum) = self.bright[place];
+        let u = (reach - before) / (sum - before);
+        self.patches.point(number, [u, v])
     }
 }
 
@@ -435,7 +478,7 @@ impl Sky {
     /// It is [`Cover::Cie`] of no type.
     pub fn with(zenith: DVec3, cover: Cover) -> Self {
         let zenith = normalise(zenith).normalize();
-        let (background, below) = (None, 0.);
+        let (background, below, excess) = (None, 0., 0.);
         let (gradation, beam, patchwork) = (None, None, None);
         let sky = Self {
             zenith,
@@ -444,6 +487,7 @@ impl Sky {
             below,
             gradation,
             beam,
+            excess,
             patchwork,
         };
         sky.toward(zenith)
@@ -465,6 +509,7 @@ impl Sky {
         let mut sky = Self::with(zenith, patchwork.cover.clone());
         let patches = patchwork.patches.around(sky.zenith);
         let patchwork = Patchwork { patches, ..patchwork.clone() };
+        sky.excess = patchwork.bright.last().map_or(0., |(_, sum)| *sum);
         sky.patchwork = Some(patchwork.into());
         sky
     }
@@ -485,6 +530,19 @@ impl Sky {
             _ => self
                 .gradation
                 .map_or(1., |it| it.radiance(height, direction)),
+        }
+    }
+
+    /// The same without the light for which shadow rays look.
+    #[inline(always)]
+    pub fn dim_radiance(&self, direction: DVec3) -> f64 {
+        match &self.patchwork {
+            Some(it) if self.excess > 0. => {
+                let is_above = self.zenith.dot(direction) > 0.;
+                let limit = if is_above { it.limit } else { f64::INFINITY };
+                self.radiance(direction).min(limit)
+            }
+            _ => self.radiance(direction),
         }
     }
 
@@ -513,6 +571,37 @@ impl Sky {
             Cover::Matrix(..) => self.patchwork.as_ref().map(|it| it.even),
             _ => self.gradation.map(|it| it.even),
         }
+    }
+
+    /// Whether shadow rays look for a part of its light.
+    #[inline(always)]
+    pub fn has_sun(&self) -> bool {
+        self.beam.is_some() || self.excess > 0.
+    }
+
+    /// A direction to a point of the sun or of a bright patch, and the
+    /// irradiance, as from [`Beam::sample`], that stands for both.
+    #[inline]
+    pub fn sample_sun(
+        &self,
+        normal: DVec3,
+        [u, v]: [f64; 2],
+    ) -> (DVec3, f64) {
+        let patches = self.patchwork.as_ref();
+        let Some(patches) = patches.filter(|_| self.excess > 0.) else {
+            let none = (self.zenith, 0.);
+            return self.beam.map_or(none, |it| it.sample(normal, [u, v]));
+        };
+        let disc = self.beam.map_or(0., |beam| beam.irradiance);
+        let both = disc + self.excess;
+        let reach = u * both;
+        if let Some(beam) = self.beam.filter(|_| reach < disc) {
+            let u = [reach / disc, v];
+            let (direction, irradiance) = beam.sample(normal, u);
+            return (direction, irradiance * both / disc);
+        }
+        let direction = patches.sample([(reach - disc) / self.excess, v]);
+        (direction, both * normal.dot(direction).max(0.))
     }
 
     /// The irradiance of a surface with this unit normal from the radiance

@@ -417,7 +417,8 @@ fn subject(
         None => read_sky(plan, Host::default())?,
     };
     let sky = sky(&plan.sky, zenith, patchwork.as_deref())?;
-    let sky = Sky { background, ..sky };
+    let excess = if plan.tally.is_none() { sky.excess } else { 0. };
+    let sky = Sky { background, excess, ..sky };
     let sensed = match (&plan.sensor, receivers) {
         (SensorPlan::Camera(camera), _) => {
             let view = view(camera, up, zenith, mesh);

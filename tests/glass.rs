@@ -322,6 +322,149 @@ fn gathers_behind_a_sheet_state_their_errors() {
     }
 }
 
+/// The altitude of the middle of a row of 96 patches, and half the sides of
+/// such a patch: Reinhart's of factor 4, in degrees.
+const BRIGHT: [f64; 3] = [30., 1.875, 90. / 57.];
+
+/// A sky of patches of radiance 1; those of this row at some azimuths have
+/// so much more.
+fn bright_sky(place: &Scratch, more: &[(f64, f64)]) -> Cover {
+    let mut rows = vec![1.; 2306];
+    let patches = litpt::tally::patches::Patches::new(4, DVec3::Z);
+    for (azimuth, radiance) in more {
+        let middle = Sun::At(*azimuth, BRIGHT[0]).direction(DVec3::Z);
+        rows[patches.number(middle) as usize] += radiance;
+    }
+    place.put("a.smx", crate::sky::matrix(2306, 1, |row, _| rows[row]));
+    Cover::Matrix(place.path("a.smx"), None)
+}
+
+/// The integral of a function over such a patch, over pi, by midpoints.
+fn over_patch(azimuth: f64, of: impl Fn(DVec3) -> f64) -> f64 {
+    let [altitude, across, up] = BRIGHT;
+    let steps = 400;
+    let mut sum = 0.;
+    for i in 0..steps * steps {
+        let [u, v] = [i % steps, i / steps]
+            .map(|k| (2 * k + 1) as f64 / f64::from(steps) - 1.);
+        let altitude = altitude + up * v;
+        let sun = Sun::At(azimuth + across * u, altitude);
+        sum += altitude.to_radians().cos() * of(sun.direction(DVec3::Z));
+    }
+    let sides = 4. * across.to_radians() * up.to_radians();
+    sum * sides / (PI * f64::from(steps * steps))
+}
+
+/// No path may meet a bright patch at grazing incidence, and the errors of
+/// such walls once left it out.
+#[test]
+fn walls_that_a_bright_patch_grazes_state_their_errors() {
+    let chance = &mut Chance::default();
+    let place = Scratch::new();
+    let cover = bright_sky(&place, &[(180., 3000.), (183.75, 1000.)]);
+    let wall = |azimuth, tilt| Sun::At(azimuth, tilt).direction(DVec3::Z);
+    let normals =
+        [wall(90., 0.), wall(271., -20.), wall(180., -59.), DVec3::Z];
+    let points = normals.map(|normal| (DVec3::ZERO, normal));
+    let of = |normal: DVec3| {
+        let part = |w: DVec3| normal.dot(w).max(0.);
+        3000. * over_patch(180., part) + 1000. * over_patch(183.75, part)
+    };
+    let (unit, sun) = (1. + of(DVec3::Z), Sun::At(120., 50.));
+    for (method, direct) in
+        Method::ALL.into_iter().flat_map(|m| [(m, None), (m, Some(0.5))])
+    {
+        for seed in 1..=16 {
+            let values = found(SPECK, &points, method, |plan| {
+                plan.seed = seed;
+                plan.sky.cover = cover.clone();
+                plan.sky.sun = Some(sun);
+                plan.sky.direct = direct;
+            });
+            for (value, normal) in values.into_iter().zip(normals) {
+                let disc = normal.dot(sun.direction(DVec3::Z)).max(0.);
+                let sky = (0.5 + 0.5 * normal.z + of(normal)) / unit;
+                let exact = sky + direct.unwrap_or(0.) * disc;
+                chance.judge(value, exact, 16.);
+            }
+        }
+    }
+}
+
+/// A pane that covers the sky, and a sheet below which no direct light comes.
+#[test]
+fn bright_patches_shine_through_panes_and_on_sheets() {
+    let chance = &mut Chance::default();
+    let place = Scratch::new();
+    let cover = bright_sky(&place, &[(0., 1000.), (90., 5000.)]);
+    let part = |of: &dyn Fn(f64) -> f64| {
+        let of = |w: DVec3| w.z * of(w.z);
+        1000. * over_patch(0., of) + 5000. * over_patch(90., of)
+    };
+    let unit = 1. + part(&|_| 1.);
+    let run = |scene: &str, points: &[_], method, bsdf| {
+        found(scene, points, method, |plan| {
+            plan.sky.cover = cover.clone();
+            plan.surfaces.transmitting = vec![("a".to_owned(), bsdf)];
+        })
+    };
+    let sheet = lid("a", 1., 3.) + &lid("ground", -1e3, 1e-3);
+    let sides = [UP, (2. * DVec3::Z, DVec3::NEG_Z)];
+    let pane = Pane::new(0.88);
+    for method in Method::ALL {
+        let through = Bsdf::Glass(0.88);
+        let values = run(&lid("a", 1., 1e4), &[UP], method, through);
+        let sky =
+            pane.diffuse_shares()[0] + part(&|c| pane.transmittance(c));
+        chance.judge(values[0], sky / unit, 16.);
+        let through = Bsdf::Transmitter([0.2, 0.3]);
+        let values = run(&sheet, &sides, method, through);
+        let share = covered(3., 1.);
+        let below = 0.3 * share + (1. - share) / unit;
+        chance.judge(values[0], below, 16.);
+        chance.judge(values[1], 0.2 * share, 16.);
+    }
+}
+
+/// Rooms of glass, a blind and a leaf, with and without a disc of the sun.
+#[test]
+fn all_methods_agree_in_a_room_of_bright_patches() {
+    let chance = &mut Chance::default();
+    let place = Scratch::new();
+    let cover =
+        bright_sky(&place, &[(150., 500.), (180., 2000.), (0., 500.)]);
+    let mut random = Pcg64::seed_from_u64(6);
+    let mut point = || {
+        let [x, y, z] = [4., 5., 3.]
+            .map(|side| side * (0.05 + 0.9 * random.random::<f64>()));
+        (DVec3::new(x, y, z), in_cube(&mut random))
+    };
+    let points: Vec<_> = (0..24).map(|_| point()).collect();
+    for direct in [None, Some(3.)] {
+        let [paths, nets, gather] = Method::ALL.map(|method| {
+            found(&room(), &points, method, |plan| {
+                plan.seed = 1 + method as u64;
+                plan.surfaces.albedo = 0.6;
+                plan.sky.cover = cover.clone();
+                plan.sky.sun = Some(Sun::At(170., 35.));
+                plan.sky.direct = direct;
+                let sheet = |parts| Bsdf::Transmitter(parts);
+                plan.surfaces.transmitting = vec![
+                    ("pane".into(), Bsdf::Glass(0.88)),
+                    ("blind".into(), sheet([0.3, 0.4])),
+                    ("leaf".into(), sheet([0.2, 0.4])),
+                ];
+            })
+        });
+        for ((a, b), c) in paths.iter().zip(nets).zip(gather) {
+            for other in [b, c] {
+                let apart = [a[0] - other[0], a[1].hypot(other[1])];
+                chance.judge(apart, 0., 16.);
+            }
+        }
+    }
+}
+
 #[test]
 fn sun_and_glass_have_the_same_bits_on_any_number_of_threads() {
     let place = Scratch::with("room2.obj", room());

@@ -186,7 +186,7 @@ fn skies_give_one_to_a_horizontal_surface() {
 const UP: DVec3 = DVec3::new(0.6, 0., 0.8);
 
 /// A sky matrix of so many rows and columns.
-fn matrix(
+pub fn matrix(
     rows: usize,
     columns: usize,
     of: impl Fn(usize, usize) -> f64,

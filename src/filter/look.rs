@@ -147,6 +147,7 @@ fn look(
     array::from_fn(|i| {
         let light = match starts.hits[i].as_ref() {
             None => view.sky.seen(starts.directions[i]),
+            Some(_) if view.sky.beam.is_none() => 0.,
             Some(hit) => {
                 let [u, v] = places[i].unwrap_or_default().1.map(to_unit);
                 let mut u = [v, u];

@@ -263,7 +263,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let direction = direction(x.normal, point);
         let (hit, transmittance) = self.first_hit(x, direction);
         let weight = weight * transmittance;
-        let sky = || End::Sky(self.gather.view.sky.radiance(direction));
+        let sky = || End::Sky(self.gather.view.sky.dim_radiance(direction));
         let end = hit.map_or_else(sky, End::Hit);
         GatherRay { direction, weight, bin, end }
     }
@@ -418,11 +418,16 @@ impl<K: Intersector> Tracer<'_, K> {
             }
         }
         // Add the light of the sun
-        if self.gather.view.sky.beam.is_some() {
-            for sample in &mut samples {
+        let sky = self.gather.view.sky;
+        if sky.has_sun() {
+            let smoothed = if sky.beam.is_none() { 1. } else { 0. };
+            for (sample, [gathered, _]) in
+                samples.iter_mut().zip(&mut parts)
+            {
                 let light = self.sunlight(&sample.hit, &mut random);
                 sample.sunlight = sample.albedo * light;
                 sums[sample.pixel as usize] += sample.sunlight;
+                *gathered += smoothed * sample.sunlight;
             }
         }
         // Look up the cells that the rays have met
@@ -434,7 +439,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 *cell = self.cell_around(hit, u);
                 let radiance = *albedo * *weight * f64::from(cell.value);
                 sums[*pixel as usize] += radiance;
-                *gathered = radiance;
+                *gathered += radiance;
             }
         }
         let mut corrections = sums.clone();

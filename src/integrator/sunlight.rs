@@ -11,8 +11,8 @@ use crate::scene::Ray;
 
 impl LitView<'_> {
     /// An estimate of the irradiance at a hit, on the side of its normal, from
-    /// the sun, in the unit of the sky's: from the point of the disc that two
-    /// numbers uniform over [0, 1) choose. And the rays traced.
+    /// the sun and the bright patches, in the unit of the sky's: from the
+    /// point that two numbers uniform over [0, 1) choose. And the rays traced.
     #[inline(never)]
     pub fn sunlight(
         &self,
@@ -20,8 +20,7 @@ impl LitView<'_> {
         x: &Hit,
         u: [f64; 2],
     ) -> (f64, u64) {
-        let Some(beam) = self.sky.beam else { return (0., 0) };
-        let (direction, irradiance) = beam.sample(x.normal, u);
+        let (direction, irradiance) = self.sky.sample_sun(x.normal, u);
         if irradiance == 0. {
             return (0., 0);
         }

@@ -20,6 +20,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use crate::numerics::sincos_turns;
+
 /// The unit vectors to the east and to the north, which is the horizontal
 /// direction nearest to +y; if the zenith is +y or -y, it is -z or +z.
 pub fn compass(zenith: DVec3) -> [DVec3; 2] {
@@ -89,19 +91,38 @@ impl Patches {
     }
 
     /// For the ground and each patch the integrals of the height above the
-    /// horizon and of its square, weighted by the height, over pi; 0 for the
-    /// ground.
-    pub fn moments(&self) -> Vec<[f64; 2]> {
-        let rows = self.rows.len() as f64 - 0.5;
-        let sine =
-            |row| libm::sin(PI / 2. * (f64::from(row) / rows).min(1.));
-        let mut moments = vec![[0.; 2]];
+    /// horizon, of its square and of 1, over pi; 0 for the ground.
+    pub fn moments(&self) -> Vec<[f64; 3]> {
+        let mut moments = vec![[0.; 3]];
         for (row, &(_, count)) in (0..).zip(&self.rows) {
-            let (a, b, n) = (sine(row), sine(row + 1), f64::from(count));
+            let (a, b) = (self.sine(row), self.sine(row + 1));
+            let n = f64::from(count);
             let first = (b * b - a * a) / n;
             let second = 2. / 3. * (b * b * b - a * a * a) / n;
-            moments.resize(moments.len() + count as usize, [first, second]);
+            let all = [first, second, 2. * (b - a) / n];
+            moments.resize(moments.len() + count as usize, all);
         }
         moments
+    }
+
+    /// The sine of the altitude at which a row begins.
+    fn sine(&self, row: u32) -> f64 {
+        let rows = self.rows.len() as f64 - 0.5;
+        libm::sin(PI / 2. * (f64::from(row) / rows).min(1.))
+    }
+
+    /// The direction to a point of a patch above the horizon that two numbers
+    /// uniform over [0, 1) choose uniformly.
+    pub fn point(&self, number: u32, [u, v]: [f64; 2]) -> DVec3 {
+        let rows = self.rows.partition_point(|(first, _)| *first <= number);
+        let row = rows as u32 - 1;
+        let (first, count) = self.rows[rows - 1];
+        let (low, high) = (self.sine(row), self.sine(row + 1));
+        let height = low + u * (high - low);
+        let turn = (f64::from(number - first) + v - 0.5) / f64::from(count);
+        let (y, x) = sincos_turns(turn.rem_euclid(1.));
+        let level = (1. - height * height).max(0.).sqrt();
+        let [east, north, zenith] = self.axes;
+        level * (x * east + y * north) + height * zenith
     }
 }

@@ -78,7 +78,7 @@ impl<K: Intersector> Tracer<'_, K> {
 
     /// The same on the side of `x` that a random number chooses.
     pub fn sunlight_of(&mut self, x: &Hit, random: &mut Pcg64) -> f64 {
-        if self.gather.view.sky.beam.is_none() {
+        if !self.gather.view.sky.has_sun() {
             return 0.;
         }
         let side = self.lit_side(x, &mut [random.random(), 0]);

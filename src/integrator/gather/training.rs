@@ -45,7 +45,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut random = generator(self.gather.seed, TRAINING, piece);
         let mut records = Vec::with_capacity(rays as usize);
         let (grid, surfaces) = (self.cache.grid, self.gather.view.surfaces);
-        let has_sun = self.gather.view.sky.beam.is_some();
+        let has_sun = self.gather.view.sky.has_sun();
         let share = if has_sun { 2. } else { 1. };
         let (mut paths, mut reported) = (0, 0);
         while paths + self.rays < rays && watch(self.rays - reported) {
