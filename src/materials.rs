@@ -511,6 +511,13 @@ impl Surfaces<'_> {
             _ => None,
         }
     }
+
+    /// Whether some surface is a sheet.
+    pub fn has_sheets(&self) -> bool {
+        let bsdfs = self.table.map_or(&[][..], |table| &table.bsdfs);
+        let is_sheet = |bsdf: &_| matches!(bsdf, Bsdf::Transmitter([_, on]) if *on > 0.);
+        bsdfs.iter().any(is_sheet)
+    }
 }
 
 /// The largest number below 1.

@@ -201,6 +201,9 @@ pub fn train<K: Intersector>(
     }
     if columns > 0 {
         cache.learn_rows(&records, view.surfaces.most as f32);
+        if view.surfaces.has_sheets() {
+            cache.scale_rows();
+        }
     }
     Some((cache, traced))
 }

@@ -60,6 +60,16 @@ impl RadianceCache {
     pub fn row(&self, entry: usize) -> &[f32] {
         &self.rows[self.columns * entry..][..self.columns]
     }
+
+    /// Scales the row of each cell so that it adds up to the cell's radiance.
+    pub fn scale_rows(&mut self) {
+        let rows = self.rows.chunks_mut(self.columns.max(1));
+        for (cell, row) in self.cells.iter().zip(rows) {
+            let sum = row.iter().sum::<f32>();
+            let scale = if sum > 0. { cell.value / sum } else { 1. };
+            row.iter_mut().for_each(|value| *value *= scale);
+        }
+    }
 }
 
 /// Columns whose equations are solved together.
