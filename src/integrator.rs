@@ -289,7 +289,8 @@ impl Integrator for PathTracer<'_> {
         sampler: &mut impl Sampler,
     ) -> PathEvent {
         if let Some(shadow) = path.shadow {
-            return shadow.end(path, &self.surfaces, hit);
+            let (ray, from) = shadow.end(path, &self.surfaces, hit);
+            return PathEvent::Scatter(ray, from);
         }
         let Some(hit) = hit else {
             let radiance = match path.bounces {
@@ -338,14 +339,17 @@ impl Integrator for PathTracer<'_> {
             path.variate = self.control * variate;
         }
         path.bounces += 1;
-        let ray = Ray { origin: hit.point, direction: path.direction };
+        let mut direction = path.direction;
         // Look for the sun first
         if self.sky.has_sun() {
             let u = sampler.get_2d(dimension::sun(bounce));
             let sun = self.sky.sample_sun(normal, u);
-            return path.look_for_sun(sun, ray, hit.primitive);
+            direction = path.look_for_sun(sun, &hit);
         }
-        PathEvent::Scatter(ray, hit.primitive)
+        PathEvent::Scatter(
+            Ray { origin: hit.point, direction },
+            hit.primitive,
+        )
     }
 }
 
@@ -361,28 +365,28 @@ pub struct Shadow {
 }
 
 impl PathState {
-    /// Sends a shadow ray to a point of the sun, which gives this irradiance,
-    /// and then goes on with a ray that leaves a triangle.
+    /// Sends a shadow ray from a hit to a point of the sun, which gives this
+    /// irradiance, or goes on; returns the direction.
     #[cold]
     #[inline(never)]
     pub fn look_for_sun(
         &mut self,
         (direction, irradiance): (DVec3, f64),
-        ray: Ray,
-        from: u32,
-    ) -> PathEvent {
+        &Hit { point: origin, primitive: from, .. }: &Hit,
+    ) -> DVec3 {
+        let ray = Ray { origin, direction: self.direction };
         let light = self.throughput * irradiance;
         if light == 0. {
-            return PathEvent::Scatter(ray, from);
+            return self.direction;
         }
         self.shadow = Some(Shadow { direction, light, next: (ray, from) });
-        PathEvent::Scatter(Ray { direction, ..ray }, from)
+        direction
     }
 }
 
 impl Shadow {
     /// Ends a shadow ray of a path, which has met this, or lets it go on
-    /// through a pane.
+    /// through a pane; returns the next ray, and the triangle that it leaves.
     #[cold]
     #[inline(never)]
     pub fn end(
@@ -390,21 +394,21 @@ impl Shadow {
         path: &mut PathState,
         surfaces: &Surfaces,
         hit: Option<Hit>,
-    ) -> PathEvent {
+    ) -> (Ray, u32) {
         let Self { direction, light, next: (ray, from) } = self;
         if let Some(hit) = hit
             && let Some(part) = surfaces.pane(&hit, direction)
         {
             path.shadow = Some(Self { light: light * part, ..self });
             let ray = surfaces.behind(&hit, direction, &mut path.pane);
-            return PathEvent::Scatter(ray, hit.primitive);
+            return (ray, hit.primitive);
         }
         if hit.is_none() {
             path.sunlight += light;
             path.direct += if path.bounces == 1 { light } else { 0. };
         }
         path.shadow = None;
-        PathEvent::Scatter(ray, from)
+        (ray, from)
     }
 }
 
