@@ -18,7 +18,7 @@ const KNOWN: [(&str, &str); 3] = [
         "caa054c3c6496ac6a92e826ef9a82c7387603e149a9f6309f4d385430da961ad",
     ),
     (
-        "gather 6",
+        "gather 7",
         "336ca4ee744e1da94201d47e592a6f1cb1df709b0839152031ac32d74d675bc0",
     ),
 ];

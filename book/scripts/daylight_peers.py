@@ -131,6 +131,9 @@ def dctimestep(options):
     some = ours != 0
     error = abs(theirs - ours)[some] / abs(ours[some])
     say('dctimestep; largest relative difference', error.max())
+    sizes = np.einsum('ijc,jkc->ikc', *map(abs, matrices), optimize=True)
+    error = abs(theirs - ours)[some] / sizes[some]
+    say('dctimestep; largest over the sum of sizes', error.max())
     say('dctimestep; largest where numpy has 0',
         abs(theirs[~some]).max(initial=0))
 

@@ -181,7 +181,7 @@ pub const GATHER_RAYS: u64 = 5;
 const BEST_TRAINING: f64 = power_of_two(21);
 
 /// Changes whenever the code that decides what a gather is does.
-const GATHER_VERSION: u32 = 6;
+const GATHER_VERSION: u32 = 7;
 
 /// A scene that is ready to be rendered.
 pub struct Setup<'a> {
