@@ -515,8 +515,10 @@ impl Surfaces<'_> {
     /// Whether some surface is a sheet.
     pub fn has_sheets(&self) -> bool {
         let bsdfs = self.table.map_or(&[][..], |table| &table.bsdfs);
-        let is_sheet = |bsdf: &_| matches!(bsdf, Bsdf::Transmitter([_, on]) if *on > 0.);
-        bsdfs.iter().any(is_sheet)
+        bsdfs.iter().any(|bsdf| match bsdf {
+            Bsdf::Transmitter([_, on]) => *on > 0.,
+            _ => false,
+        })
     }
 }
 
