@@ -147,7 +147,8 @@ enum Verb {
     },
     /// Multiply daylight coefficients with the sky of a year: daylight autonomy
     /// and useful daylight of each sensor, and the spatial daylight autonomy,
-    /// with intervals that cover the truth in about 95 of 100 runs or more
+    /// with intervals that cover the truth in about 95 of 100 runs or more, if
+    /// the samples have met each patch that is bright
     Daylight(Daylight),
     /// Show the standard error of each pixel as grey, in .png or .pgm
     Stderr {
