@@ -674,6 +674,43 @@ fn spread(tables: &[Vec<f64>], part: impl Fn(&[f64]) -> f64) -> [f64; 2] {
     [sum.mean(), sum.standard_error().powi(2)]
 }
 
+/// A patch as bright as a sun that no path had met once had no error. By
+/// Chebyshev's inequality at most 4 % may be farther than 5 errors away.
+#[test]
+fn light_of_a_patch_that_few_paths_meet_has_an_error() {
+    let points = SensorPlan::Points("points".into());
+    let mut plan = plan(points, Tally::SkyPatches(1), 1 << 18);
+    plan.method = Some(Method::Sobol);
+    let mesh = read_obj(slatted_room().as_bytes()).unwrap();
+    let inputs = Inputs::from(mesh).with_points(slatted_sensors());
+    let world = World::new(&plan, inputs, Host::default()).unwrap();
+    let rows = world.rows();
+    let is_sun = |patch, step| if patch == step + 1 { 1e4 } else { 1. };
+    let sky = SkyMatrix::read(&sky(145, "double", is_sun)).unwrap();
+    let steps: Vec<_> = (0..145).collect();
+    let lux = |samples, seed| {
+        let budget = Budget::samples(samples);
+        let plan = Plan { seed, budget, ..plan.clone() };
+        let film = &film(&world, &plan);
+        let daylight = Daylight { film, rows: &rows, columns: 146 };
+        let of_sensor = |sensor| -> Vec<_> {
+            let light = daylight.illuminance(sensor, &sky, &steps).unwrap();
+            light.lux.iter().copied().zip(light.standard_errors()).collect()
+        };
+        (0..rows.len()).flat_map(of_sensor).collect::<Vec<(f64, f64)>>()
+    };
+    let truth = lux(1 << 18, 99);
+    let (mut far, mut all) = (0, 0);
+    for seed in 0..8 {
+        for (exact, value) in truth.iter().zip(lux(1 << 10, seed)) {
+            let error = value.1.hypot(exact.1);
+            far += usize::from((value.0 - exact.0).abs() > 5. * error);
+            all += 1;
+        }
+    }
+    assert!(25 * far <= all, "{far} of {all}");
+}
+
 // One has trained as usual, and another has learnt nothing, so that its
 // corrections do all the work.
 #[test]

@@ -147,8 +147,7 @@ enum Verb {
     },
     /// Multiply daylight coefficients with the sky of a year: daylight autonomy
     /// and useful daylight of each sensor, and the spatial daylight autonomy,
-    /// with intervals that cover the truth in about 95 of 100 runs or more, if
-    /// the samples have met each patch that is bright
+    /// with intervals that cover the truth in about 95 of 100 runs or more
     Daylight(Daylight),
     /// Show the standard error of each pixel as grey, in .png or .pgm
     Stderr {

@@ -197,10 +197,10 @@ impl Daylight<'_> {
         sky: &SkyMatrix,
         steps: &[usize],
     ) -> Option<Illuminance> {
-        let lux = |coefficients: Vec<f64>| {
+        let lux = |coefficients: &[f64]| {
             let mut sums = vec![0.; steps.len()];
             let rows = sky.values.chunks(sky.steps);
-            for (coefficient, row) in coefficients.into_iter().zip(rows) {
+            for (&coefficient, row) in coefficients.iter().zip(rows) {
                 if coefficient != 0. {
                     for (sum, &step) in sums.iter_mut().zip(steps) {
                         *sum +=
@@ -210,33 +210,71 @@ impl Daylight<'_> {
             }
             sums
         };
-        let replicates = self.replicates(sensor)?.into_iter();
-        let replicates = replicates.map(|(part, row)| (part, lux(row)));
-        let replicates: Vec<_> = replicates.collect();
+        let replicates = self.replicates(sensor)?;
+        let moved = moved(&replicates);
+        let changes = moved.iter().map(|row| lux(row)).collect();
+        let replicates = replicates.iter();
+        let replicates: Vec<_> =
+            replicates.map(|(part, row)| (*part, lux(row))).collect();
         let lux = mean(&replicates, &vec![1; replicates.len()]);
-        Some(Illuminance { replicates, lux })
+        Some(Illuminance { replicates, changes, lux })
     }
 }
+
+/// What would change if coefficients that few replicates have met were of
+/// other columns that few have met, as many times as there are replicates.
+fn moved(replicates: &[Replicate]) -> Vec<Vec<f64>> {
+    let columns = replicates[0].1.len();
+    let (mut rare, mut values) = (vec![], vec![]);
+    for p in 0..columns {
+        let met = replicates.iter().filter(|(_, row)| row[p] != 0.);
+        let met = met.map(|(part, row)| (p, part * row[p]));
+        let met: Vec<_> = met.collect();
+        if met.len() <= FEW {
+            rare.push(p);
+            values.extend(met);
+        }
+    }
+    let change = |k| {
+        let mut random = generator(0, k as u64, 1);
+        let mut row = vec![0.; columns];
+        for &(p, value) in &values {
+            row[p] -= value;
+            row[rare[random.random_range(0..rare.len())]] += value;
+        }
+        row
+    };
+    (0..replicates.len()).map(change).collect()
+}
+
+/// So many replicates are few.
+const FEW: usize = 4;
 
 /// The illuminance of a sensor in lux, at each of some steps of a year, with
 /// its standard error.
 pub struct Illuminance {
     /// Its replicates, each with its part of all samples.
     replicates: Vec<(f64, Vec<f64>)>,
+    /// What changes if rare coefficients move, as many times.
+    changes: Vec<Vec<f64>>,
     /// The mean of the replicates at each step.
     pub lux: Vec<f64>,
 }
 
 impl Illuminance {
-    /// The standard error at each step, from the spread of the replicates.
+    /// The standard error at each step, from the spread of the replicates
+    /// and from what changes if rare coefficients move.
     pub fn standard_errors(&self) -> Vec<f64> {
-        let count = self.replicates.len() as f64;
+        let Self { replicates, changes, lux } = self;
+        let count = replicates.len() as f64;
         let error = |i: usize| {
-            let squares = self
-                .replicates
-                .iter()
-                .map(|(part, lux)| (part * (lux[i] - self.lux[i])).powi(2));
-            (squares.sum::<f64>() * count / (count - 1.)).sqrt()
+            let away = |(part, replicate): &(f64, Vec<f64>)| {
+                (part * (replicate[i] - lux[i])).powi(2)
+            };
+            let spread = replicates.iter().map(away).sum::<f64>();
+            let squares = changes.iter().map(|lux| lux[i].powi(2));
+            let moved = squares.sum::<f64>() / count;
+            (spread * count / (count - 1.) + moved).sqrt()
         };
         (0..self.lux.len()).map(error).collect()
     }
@@ -382,8 +420,10 @@ fn resample(light: &Illuminance, demand: Demand) -> [Interval; 2] {
             times[random.random_range(0..count)] += 1;
         }
         let mut lux = mean(&light.replicates, &times);
-        for (lux, mean) in lux.iter_mut().zip(&light.lux) {
-            *lux = mean + wide * (*lux - mean);
+        let change = &light.changes[run as usize % count];
+        let others = light.lux.iter().zip(change);
+        for (lux, (mean, change)) in lux.iter_mut().zip(others) {
+            *lux = mean + wide * (*lux - mean) + change;
         }
         parts[0].push(part(&lux, &enough));
         parts[1].push(part(&lux, &useful));
