@@ -31,7 +31,7 @@ use crate::bvh::{Bvh, GROUND, Hit, Intersector};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::encoding::quoted;
 use crate::scene::mtl::{Clear, Library, read_mtl};
-use crate::scene::{Mark, MarkKind, Ray};
+use crate::scene::{Mark, MarkKind, Ray, nearness};
 use glass::{Bsdf, CLEAREST, Pane};
 
 /// The files in a folder that a statement refers to.
@@ -132,13 +132,13 @@ pub fn libraries(
     // Limit panes to the clearest glass
     let panes = library.panes.into_iter().flatten();
     let panes = panes.filter_map(|(name, Clear { part, filter })| {
-        let part = part? * filter.map_or(1., number);
+        let part = part?[0] * filter.map_or(1., number);
         (part > 0.).then_some((name, part.min(CLEAREST)))
     });
     let panes: BTreeMap<_, _> = panes.collect();
     if glass && panes.is_empty() {
-        let what =
-            "no material is transparent (d, Tr), hence none is glass";
+        let what = "no material lets light through (d, Tr; times Tf), hence none is \
+             glass";
         warnings.push(Diagnostic::from(what).of_file(scene));
     }
     let defined = Defined { albedos, panes };
@@ -419,7 +419,7 @@ impl Surfaces<'_> {
         direction: DVec3,
         last: &mut DVec3,
     ) -> Ray {
-        let near = NEAR * (1. + pane.point.abs().max_element());
+        let near = nearness(pane.point);
         let is_crowded = pane.point.distance(*last) <= near;
         *last = pane.point;
         let cosine = pane.normal.dot(direction).abs();
@@ -524,6 +524,3 @@ impl Surfaces<'_> {
 
 /// The largest number below 1.
 const BELOW_ONE: f64 = 1. - 0.5 * f64::EPSILON;
-
-/// How close panes are to each other that are passed together: 2^-30.
-const NEAR: f64 = 1. / (1u64 << 30) as f64;

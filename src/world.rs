@@ -22,9 +22,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::analysis::{LitView, SHORTCUTS, SceneAnalysis};
-use crate::bvh::{Bvh, Quality, too_small};
+use crate::bvh::{Bvh, Intersector, Quality, too_small};
 use crate::camera::{Camera, View, direction, typed};
 use crate::error::Result;
 use crate::film::{Film, SIDE, tile_height};
@@ -43,7 +44,7 @@ use crate::plan::{
 use crate::render::choose::{Setup, expected_rays};
 use crate::report::{Report, SceneFile, Settings};
 use crate::scene::encoding::quoted;
-use crate::scene::{Frame, MarkKind, Mesh, Scene};
+use crate::scene::{Frame, MarkKind, Mesh, Ray, Scene, nearness};
 use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
 use crate::sky::sun::Beam;
@@ -340,8 +341,35 @@ fn build(
     let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
     let mut bvh = Bvh::of(triangles, quality, plan.isa(), &placed)?;
     bvh.set_ground(subject.ground.map(|_| subject.sky.zenith));
+    if let Some(two) = coinciding(&bvh, faces) {
+        let (file, [a, b]) = (plan.scene_name(), two.map(|i| i + 1));
+        host.warn(format!(
+            "{file}: face {a} lets light through and coincides with face \
+             {b}: light passes two panes, but no opaque face or second sheet"
+        ));
+    }
     let albedos = AlbedoTable::new(faces, &bvh)?;
     Ok(Geometry { frame, bvh, left_out, albedos, quality }.into())
+}
+
+/// The first face, from 0, that lets light through and whose middle another
+/// face covers, and that other face.
+fn coinciding(bvh: &Bvh, faces: &FaceAlbedos) -> Option<[u32; 2]> {
+    let is_clear = |slot| faces.bsdf(bvh.face(slot)).transmittance() > 0.;
+    let mut clear = vec![];
+    bvh.for_each(|slot, corners| {
+        clear.extend(is_clear(slot).then_some((slot, *corners)));
+    });
+    let found = clear.par_iter().filter_map(|&(slot, [a, b, c])| {
+        let middle = (a + b + c) / 3.;
+        let direction = (b - a).cross(c - a).normalize_or_zero();
+        let near = nearness(middle);
+        let ray = Ray { origin: middle - near * direction, direction };
+        let hit = bvh.first_hit(&ray, Some(slot))?;
+        let two = [slot, hit.primitive].map(|slot| bvh.face(slot));
+        (hit.point.distance(middle) <= near).then_some(two)
+    });
+    found.min()
 }
 
 /// The albedos that have names; warns of materials that are ignored.

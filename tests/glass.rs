@@ -682,7 +682,7 @@ fn glass_of_materials_that_is_none_is_warned_of() {
     let scene = "mtllib m.mtl\nusemtl pane\n".to_owned();
     place.put("lid.obj", scene + &lid("a", 1., 1e4));
     let words = "lid.obj --points p.txt -n 1 --glass materials";
-    let none = "no material is transparent (d, Tr)";
+    let none = "no material lets light through (d, Tr)";
     let odd = "m.mtl:3: material pane is transparent (a d, Tr or Tf that";
     for (library, wanted) in [
         ("d abc", &[odd, none][..]),

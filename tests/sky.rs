@@ -287,7 +287,7 @@ fn a_sky_that_a_matrix_has_not_is_refused() {
         ),
         ("gz.smx", 1, ["gz.smx: ", "a compressed sky matrix is not read"]),
         ("odd.smx:1", 1, ["odd.smx: ", "147 rows"]),
-        ("less.smx", 1, ["less.smx: ", "patch 2 in step 0 is -1"]),
+        ("less.smx", 1, ["less.smx: ", "patch 2 in column 1 is -1"]),
         ("no.smx", 1, ["no.smx: ", "NCOLS is none"]),
         ("none.smx", 1, ["none.smx", "No such file"]),
         ("-:2", 2, ["-:2", "or FILE.smx:COLUMN"]),

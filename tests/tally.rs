@@ -591,9 +591,15 @@ fn a_sky_that_is_none_is_refused() {
         (text.replace("NCOMP=3", "BigEndian=1"), "BigEndian"),
         (text.replace("1 1 1", "1 x 1"), "no number"),
         ("#?RADIANCE".to_owned(), "NROWS is none"),
-        (text.replacen("1 1 1", "1 nan 1", 1), "patch 0 in step 0 is NaN"),
-        (text.replacen("1 1 1", "1 -1 1", 1), "patch 0 in step 0 is -1"),
-        (text.replacen("1 1 1", "1 1 inf", 1), "patch 0 in step 0 is inf"),
+        (
+            text.replacen("1 1 1", "1 nan 1", 1),
+            "patch 0 in column 1 is NaN",
+        ),
+        (text.replacen("1 1 1", "1 -1 1", 1), "patch 0 in column 1 is -1"),
+        (
+            text.replacen("1 1 1", "1 1 inf", 1),
+            "patch 0 in column 1 is inf",
+        ),
     ] {
         let error = SkyMatrix::read(bad.as_bytes()).err().unwrap();
         assert!(error.to_string().contains(why), "{error}");

@@ -104,11 +104,11 @@ impl SkyMatrix {
             );
             return Err(fault.into());
         }
-        let is_odd = |x: &f64| !(x.is_finite() && *x >= 0.);
+        let is_odd = |x: &f64| !((*x as f32).is_finite() && *x >= 0.);
         if let Some(at) = numbers.iter().position(is_odd) {
-            let (patch, step) = (at / 3 / steps, at / 3 % steps);
+            let (patch, column) = (at / 3 / steps, at / 3 % steps + 1);
             let fault = format!(
-                "its radiance of patch {patch} in step {step} is {}",
+                "its radiance of patch {patch} in column {column} is {}",
                 numbers[at]
             );
             return Err(fault.into());

@@ -27,20 +27,21 @@ pub struct Library {
 }
 
 /// A transparency that is not understood.
-const ODD: &str = "transparent (a d, Tr or Tf that is not from 0 to 1)";
+const ODD: &str = "transparent (a d, Tr or Tf that is not from 0 to 1, or \
+    says other than the one before)";
 
 /// How a material lets light through.
 #[derive(Clone, Copy, Default)]
 pub struct Clear {
     /// The part that `d` or `Tr` lets through.
-    pub part: Option<f64>,
+    pub part: Option<[f64; 1]>,
     /// The colour that `Tf` gives it.
     pub filter: Option<[f64; 3]>,
 }
 
 impl Clear {
     /// Notes a statement; if it is about transparency, returns whether it is
-    /// made of numbers from 0 to 1.
+    /// made of numbers from 0 to 1 and agrees with others.
     fn note(&mut self, line: &[u8]) -> Option<bool> {
         let word = String::from_utf8_lossy(name(line)).to_ascii_lowercase();
         let text = rest(said(line));
@@ -48,20 +49,23 @@ impl Clear {
         let numbers: Result<Vec<f64>, _> = numbers.collect();
         let is_part = |x: &f64| (0. ..=1.).contains(x);
         let numbers = numbers.ok().filter(|n| n.iter().all(is_part));
-        match (&word[..], numbers.as_deref()) {
-            ("d", Some(&[x])) => self.part.get_or_insert(1. - x),
-            ("tr", Some(&[x])) => self.part.get_or_insert(x),
-            ("tf", Some(&[grey])) => {
-                &mut self.filter.get_or_insert([grey; 3])[0]
-            }
-            ("tf", Some(&[r, g, b])) => {
-                &mut self.filter.get_or_insert([r, g, b])[0]
-            }
-            ("d" | "tr" | "tf", _) => return Some(false),
+        Some(match (&word[..], numbers.as_deref()) {
+            ("d", Some(&[x])) => agrees(&mut self.part, [1. - x]),
+            ("tr", Some(&[x])) => agrees(&mut self.part, [x]),
+            ("tf", Some(&[grey])) => agrees(&mut self.filter, [grey; 3]),
+            ("tf", Some(&[r, g, b])) => agrees(&mut self.filter, [r, g, b]),
+            ("d" | "tr" | "tf", _) => false,
             _ => return None,
-        };
-        Some(true)
+        })
     }
+}
+
+/// Keeps the first value; whether this one is the same, to single precision.
+fn agrees<const N: usize>(
+    first: &mut Option<[f64; N]>,
+    value: [f64; N],
+) -> bool {
+    first.get_or_insert(value).map(|x| x as f32) == value.map(|x| x as f32)
 }
 
 /// Reads a library, called `file`, for the materials that a scene uses.

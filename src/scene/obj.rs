@@ -200,7 +200,6 @@ const SILENT: &str = "g o s usemtl mtllib vp mg lod shadow_obj trace_obj \
 
 /// The text in pieces of whole lines, each but the last longer than `size`
 /// bytes.
-/// than `size` bytes.
 fn cut(mut text: &[u8], size: usize) -> Vec<&[u8]> {
     let mut pieces = vec![];
     while !text.is_empty() {
