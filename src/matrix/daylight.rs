@@ -222,11 +222,11 @@ impl Daylight<'_> {
 }
 
 /// What would change if coefficients that few replicates have met were of
-/// other columns that few have met, as many times as there are replicates.
+/// other patches that few have met, as many times as there are replicates.
 fn moved(replicates: &[Replicate]) -> Vec<Vec<f64>> {
     let columns = replicates[0].1.len();
     let (mut rare, mut values) = (vec![], vec![]);
-    for p in 0..columns {
+    for p in 1..columns {
         let met = replicates.iter().filter(|(_, row)| row[p] != 0.);
         let met = met.map(|(part, row)| (p, part * row[p]));
         let met: Vec<_> = met.collect();
