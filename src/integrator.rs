@@ -385,7 +385,7 @@ impl PathState {
 }
 
 impl Shadow {
-    /// Ends a shadow ray of a path, which has met this, or lets it go on
+    /// Handles what a shadow ray of a path has met, or lets the ray go on
     /// through a pane; returns the next ray, and the triangle that it leaves.
     #[cold]
     #[inline(never)]

@@ -31,7 +31,7 @@ use crate::bvh::{Bvh, GROUND, Hit, Intersector};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::encoding::quoted;
 use crate::scene::mtl::{Clear, Library, read_mtl};
-use crate::scene::{Mark, MarkKind, Ray, nearness};
+use crate::scene::{Mark, MarkKind, Ray};
 use glass::{Bsdf, CLEAREST, Pane};
 
 /// The files in a folder that a statement refers to.
@@ -465,8 +465,8 @@ impl Surfaces<'_> {
         (hit, transmittance, rays)
     }
 
-    /// A surface seen from the side on which the light falls that it scatters
-    /// to the ray that has hit it: from behind for the part that it transmits.
+    /// The hit, with its normal on the side from which the scattered light
+    /// comes: from behind for the part that a sheet transmits.
     /// The number `u` chooses, and is uniform over [0, 1) before and after.
     #[inline(always)]
     pub fn lit_side(&self, hit: &Hit, u: &mut f64) -> Hit {
@@ -520,6 +520,11 @@ impl Surfaces<'_> {
             _ => false,
         })
     }
+}
+
+/// How close surfaces are that count as one, here: 2^-30 of the coordinates.
+pub fn nearness(point: DVec3) -> f64 {
+    (1. + point.abs().max_element()) / (1u64 << 30) as f64
 }
 
 /// The largest number below 1.

@@ -138,15 +138,14 @@ impl Scene {
         let flat = indices.map(|i| !has_area(triangles.get(i)));
         let flat: Vec<bool> = flat.collect();
         let flat = triangles.leave_out(&flat);
-        if triangles.faces.iter().any(|&face| through(face) > 0.) {
-            // Turn the fan of each polygon
-            let mut rest = &mut triangles.corners[..];
-            for face in triangles.faces.chunk_by(|a, b| a == b) {
-                let fan =
-                    rest.split_off_mut(..face.len()).unwrap_or_default();
-                if let Some(turned) = turned(fan, &triangles.vertices) {
-                    fan.copy_from_slice(&turned);
-                }
+        // Turn the fans of panes and sheets
+        let mut rest = &mut triangles.corners[..];
+        for faces in triangles.faces.chunk_by(|a, b| a == b) {
+            let fan = rest.split_off_mut(..faces.len()).unwrap_or_default();
+            if through(faces[0]) > 0.
+                && let Some(turned) = turned(fan, &triangles.vertices)
+            {
+                fan.copy_from_slice(&turned);
             }
         }
         let copies = copies(&triangles, through);
@@ -158,7 +157,7 @@ impl Scene {
 /// Coordinates that are smaller count as zero: 2^-100.
 const TINY: f64 = f64::from_bits((1023 - 100) << 52);
 
-/// The fan of a flat polygon around its least corner, if that fills it.
+/// The fan of a polygon around its least corner, if that fills it.
 fn turned(fan: &[[u32; 3]], vertices: &[DVec3]) -> Option<Vec<[u32; 3]>> {
     let place = |i: u32| vertices[i as usize];
     let goes_on = |a: &[u32; 3], b: &[u32; 3]| a[0] == b[0] && a[2] == b[1];
@@ -171,26 +170,16 @@ fn turned(fan: &[[u32; 3]], vertices: &[DVec3]) -> Option<Vec<[u32; 3]>> {
     let order = |a: &usize, b: &usize| at(*a).partial_cmp(&at(*b)).unwrap();
     let least = (0..corners.len()).min_by(order)?;
     corners.rotate_left(least);
-    // Keep a polygon that its fan does not fill
+    let sides = corners[1..].windows(2);
+    let turned = sides.map(|side| [corners[0], side[0], side[1]]);
+    let turned: Vec<_> = turned.collect();
     let normal = |triangle: &[u32; 3]| {
         let [a, b, c] = triangle.map(place);
         (b - a).cross(c - a)
     };
-    let up = normal(&fan[0]).normalize_or_zero();
-    let height = |&i: &u32| (place(i) - place(corners[0])).dot(up).abs();
-    let near = nearness(place(corners[0]));
-    let is_flat = corners.iter().all(|i| height(i) <= near);
-    let sides = corners[1..].windows(2);
-    let fan = sides.map(|side| [corners[0], side[0], side[1]]);
-    let fan: Vec<_> = fan.collect();
-    let fills = fan.iter().all(|triangle| normal(triangle).dot(up) > 0.);
-    (is_flat && fills).then_some(fan)
-}
-
-/// Surfaces count as one where they are closer to each other: 2^-30 of the
-/// coordinates.
-pub fn nearness(point: DVec3) -> f64 {
-    (1. + point.abs().max_element()) / (1u64 << 30) as f64
+    let up = normal(&fan[0]);
+    let fills = turned.iter().all(|it| normal(it).dot(up) > 0.);
+    fills.then_some(turned)
 }
 
 /// Which triangles have the same corners as another one that is kept: the

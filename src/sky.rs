@@ -1,8 +1,8 @@
 // Tangled from chapters/sky.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The only light: a sky above the horizon, of which CIE and Perez describe
-//! several, or all directions.
+//! The light: a sky above the horizon, of which CIE and Perez describe
+//! several, or in all directions, and perhaps a sun.
 //!
 //! ```
 //! use glam::DVec3;
@@ -138,7 +138,7 @@ impl FromStr for Cover {
     }
 }
 
-/// Why a file is refused.
+/// Why a compressed file is refused.
 pub(crate) const PACKED: &str =
     "a compressed sky matrix is not read: unpack it";
 
@@ -402,7 +402,7 @@ impl Patchwork {
     /// `cover`.
     ///
     /// # Panics
-    /// A patch has no radiance.
+    /// There are fewer than two values.
     pub fn new(
         [typed, cover]: [Cover; 2],
         patches: Patches,

@@ -25,7 +25,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::analysis::{LitView, SHORTCUTS, SceneAnalysis};
-use crate::bvh::{Bvh, Intersector, Quality, too_small};
+use crate::bvh::{Bvh, GROUND, Intersector, Quality, too_small};
 use crate::camera::{Camera, View, direction, typed};
 use crate::error::Result;
 use crate::film::{Film, SIDE, tile_height};
@@ -35,7 +35,9 @@ use crate::inputs::{Inputs, read_sky};
 use crate::integrator::gather::cache::Grid;
 use crate::key::{Framing, ReceiverSource, Sensed, Subject};
 use crate::materials::glass::{Bsdf, Pane};
-use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces, names};
+use crate::materials::{
+    AlbedoTable, FaceAlbedos, Named, Surfaces, names, nearness,
+};
 use crate::matrix::Matrix;
 use crate::plan::{
     Budget, CameraPlan, Plan, SensorPlan, SkyPlan, Stand, input_name,
@@ -44,7 +46,7 @@ use crate::plan::{
 use crate::render::choose::{Setup, expected_rays};
 use crate::report::{Report, SceneFile, Settings};
 use crate::scene::encoding::quoted;
-use crate::scene::{Frame, MarkKind, Mesh, Ray, Scene, nearness};
+use crate::scene::{Frame, MarkKind, Mesh, Ray, Scene};
 use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
 use crate::sky::sun::Beam;
@@ -352,8 +354,8 @@ fn build(
     Ok(Geometry { frame, bvh, left_out, albedos, quality }.into())
 }
 
-/// The first face, from 0, that lets light through and whose middle another
-/// face covers, and that other face.
+/// The first face, from 0, that lets light through and has a triangle whose
+/// middle another face covers, and that other face.
 fn coinciding(bvh: &Bvh, faces: &FaceAlbedos) -> Option<[u32; 2]> {
     let is_clear = |slot| faces.bsdf(bvh.face(slot)).transmittance() > 0.;
     let mut clear = vec![];
@@ -366,8 +368,9 @@ fn coinciding(bvh: &Bvh, faces: &FaceAlbedos) -> Option<[u32; 2]> {
         let near = nearness(middle);
         let ray = Ray { origin: middle - near * direction, direction };
         let hit = bvh.first_hit(&ray, Some(slot))?;
-        let two = [slot, hit.primitive].map(|slot| bvh.face(slot));
-        (hit.point.distance(middle) <= near).then_some(two)
+        let is_near = hit.point.distance(middle) <= near;
+        let other = Some(hit.primitive).filter(|i| is_near && *i < GROUND);
+        Some([slot, other?].map(|slot| bvh.face(slot)))
     });
     found.min()
 }

@@ -625,11 +625,12 @@ fn an_opaque_face_hides_a_pane_with_its_corners() {
     let (pane, wall) = (lid("pane", 1., 1e4), lid("wall", 1., 1e4));
     let turned = |lid: &str| lid.replace("f -4 -3 -2 -1", "f -1 -2 -3 -4");
     assert_ne!(turned(&wall), wall);
-    for (scene, face) in [
-        (pane.clone() + &wall, 1),
-        (wall.clone() + &pane, 2),
-        (pane.clone() + &turned(&wall), 1),
-        (turned(&wall) + &pane, 2),
+    let (hidden, told) = ("is the first pane", "lets light through and");
+    for (scene, face, why) in [
+        (pane.clone() + &wall, 1, hidden),
+        (wall.clone() + &pane, 2, hidden),
+        (pane.clone() + &turned(&wall), 1, told),
+        (turned(&wall) + &pane, 2, told),
     ] {
         place.put("lid.obj", scene);
         for option in ["--glass pane=0.8", "--transmit pane=0,0.8"] {
@@ -638,8 +639,8 @@ fn an_opaque_face_hides_a_pane_with_its_corners() {
             let text = place.text("a.csv");
             let line = text.lines().nth(1).unwrap();
             assert_eq!(line.split(',').nth(6), Some("0.0"), "{text}");
-            let hidden = format!("warning: lid.obj: face {face} is");
-            says(&run.stderr, &[hidden]);
+            let told = format!("warning: lid.obj: face {face} {why}");
+            says(&run.stderr, &[told]);
         }
     }
     // A pane or a sheet that is there twice is one.
@@ -658,6 +659,23 @@ fn an_opaque_face_hides_a_pane_with_its_corners() {
             assert!((value - exact).abs() < 2e-3, "{value} {exact}");
         }
     }
+    // So is one whose corners are rounded, so that it is not quite flat.
+    let corners = ["3 4.001 2.501", "4.069 4.39 2.501"];
+    let more = ["3.747 5.274 3.21", "2.679 4.885 3.21"];
+    let corners = [corners, more].concat().join("\nv ");
+    let slope = format!("v {corners}\ng pane\nf 1 2 3 4\n");
+    place.put("roof.txt", "3.4 4.6 2.6 0 0 1\n");
+    let values = [slope.clone(), slope.clone() + "f 2 3 4 1\n"].map(|it| {
+        place.put("roof.obj", it);
+        let words = "roof.obj --points roof.txt -n 4096 --glass pane=0.8";
+        place.free(words).succeeded().text()
+    });
+    assert_eq!(values[0], values[1]);
+    // A pane that looks down on the ground coincides with nothing.
+    place.put("lid.obj", turned(&pane));
+    let words = "lid.obj --points p.txt -n 1 --glass pane=0.8 --ground=0.2";
+    let said = place.free(words).succeeded().stderr;
+    assert!(!said.contains("coincides"), "{said}");
     // What coincides in a part is told.
     for other in [lid("pane", 1., 2e4), lid("wall", 1., 2e4)] {
         place.put("lid.obj", pane.clone() + &other);

@@ -35,7 +35,7 @@ fn read(text: impl AsRef<[u8]>) -> (Vec<f64>, String) {
 }
 
 const TWO: &str = "newmtl T\u{f6}r\t\nKd\t2.5e-1 .25\\\n+.25 # gr\u{fc}n\n\n\
-                   newmtl  T\u{fc}r\n  kd .5\nillum 0.0\nKe\nNs 1,5\n";
+                   NewMtl  T\u{fc}r\n  kd .5\nillum 0.0\nKe\nNs 1,5\n";
 
 #[test]
 fn a_library_is_a_text_like_an_obj() {

@@ -604,6 +604,10 @@ fn a_sky_that_is_none_is_refused() {
         let error = SkyMatrix::read(bad.as_bytes()).err().unwrap();
         assert!(error.to_string().contains(why), "{error}");
     }
+    let mut float = sky(2, "float", |_, _| 1.);
+    float.push(0);
+    let error = SkyMatrix::read(&float).err().unwrap().to_string();
+    assert!(error.contains("within a number"), "{error}");
     let windows = text.replace('\n', "\r\n");
     assert!(SkyMatrix::read(windows.as_bytes()).is_ok());
 }

@@ -349,7 +349,8 @@ impl Options {
         let images = images.into_iter().map(image);
         let reports = reports.iter().map(report);
         let files = images.chain(states.into_iter().map(Ok)).chain(reports);
-        Ok(files.collect::<error::Result<_>>()?)
+        let files = files.collect::<error::Result<_>>();
+        files.map_err(|fault| usage(fault, "pt"))
     }
 
     /// Merges the files that are typed, and keeps the others.

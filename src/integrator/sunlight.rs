@@ -12,7 +12,8 @@ use crate::scene::Ray;
 impl LitView<'_> {
     /// An estimate of the irradiance at a hit, on the side of its normal, from
     /// the sun and the bright patches, in the unit of the sky's: from the
-    /// point that two numbers uniform over [0, 1) choose. And the rays traced.
+    /// point that two numbers uniform over [0, 1) choose. The second number
+    /// counts the rays traced.
     #[inline(never)]
     pub fn sunlight(
         &self,

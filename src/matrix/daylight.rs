@@ -87,8 +87,8 @@ impl SkyMatrix {
         // Read the numbers
         let numbers = match entry("FORMAT") {
             "ascii" => text(body)?,
-            "float" => binary(body, f32::from_le_bytes),
-            "double" => binary(body, f64::from_le_bytes),
+            "float" => binary(body, f32::from_le_bytes)?,
+            "double" => binary(body, f64::from_le_bytes)?,
             other => {
                 let fault = format!(
                     "its FORMAT is {other}, not ascii, float or double"
@@ -144,9 +144,14 @@ fn text(body: &[u8]) -> Result<Vec<f64>> {
 fn binary<const N: usize, T: Into<f64>>(
     body: &[u8],
     number: fn([u8; N]) -> T,
-) -> Vec<f64> {
-    let numbers = body.as_chunks().0.iter();
-    numbers.map(|bytes| number(*bytes).into()).collect()
+) -> Result<Vec<f64>> {
+    match body.as_chunks() {
+        (numbers, []) => {
+            let numbers = numbers.iter();
+            Ok(numbers.map(|bytes| number(*bytes).into()).collect())
+        }
+        _ => Err("it ends within a number".into()),
+    }
 }
 
 /// The daylight coefficients of sensors, with their replicates.
@@ -365,8 +370,8 @@ impl Year {
         }
         let at = (0..daylight.rows.len()).into_par_iter();
         let sensors = at.map(|sensor| {
-                let Some(light) = daylight.illuminance(sensor, sky, steps)
-            else {
+            let light = daylight.illuminance(sensor, sky, steps);
+            let Some(light) = light else {
                 return Ok(None);
             };
             let count = light.replicates.len();

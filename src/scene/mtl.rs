@@ -27,8 +27,8 @@ pub struct Library {
 }
 
 /// A transparency that is not understood.
-const ODD: &str = "transparent (a d, Tr or Tf that is not from 0 to 1, or \
-    says other than the one before)";
+const ODD: &str = "transparent (a d, Tr or Tf that is no number from 0 to 1, \
+    or differs from the one before)";
 
 /// How a material lets light through.
 #[derive(Clone, Copy, Default)]
@@ -85,7 +85,7 @@ pub fn read_mtl(
     library.warnings.extend(odd.into_iter().map(|odd| odd.of_file(file)));
     let mut material = String::new();
     for line in lines(text) {
-        if name(line) == b"newmtl" {
+        if name(line).eq_ignore_ascii_case(b"newmtl") {
             material = rest(line);
         } else if used.contains(&material[..]) {
             // Read a statement of a material
