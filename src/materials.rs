@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 use crate::bvh::{Bvh, GROUND, Hit, Intersector};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::encoding::quoted;
-use crate::scene::mtl::{Clear, Library, read_mtl};
+use crate::scene::mtl::{Library, read_mtl};
 use crate::scene::{Mark, MarkKind, Ray};
 use glass::{Bsdf, CLEAREST, Pane};
 
@@ -131,8 +131,8 @@ pub fn libraries(
     let albedos = diffuse.map(|(name, kd)| (name, number(kd))).collect();
     // Limit panes to the clearest glass
     let panes = library.panes.into_iter().flatten();
-    let panes = panes.filter_map(|(name, Clear { part, filter })| {
-        let part = part?[0] * filter.map_or(1., number);
+    let panes = panes.filter_map(|(name, clear)| {
+        let part = clear.part()? * clear.filter.map_or(1., number);
         (part > 0.).then_some((name, part.min(CLEAREST)))
     });
     let panes: BTreeMap<_, _> = panes.collect();

@@ -18,6 +18,7 @@
 //! ```
 
 use std::collections::BTreeMap;
+use std::iter;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -51,7 +52,7 @@ use crate::sensor::table::{Shape, Table};
 use crate::sensor::{INSIDE, Receivers, Sensor, Side};
 use crate::sky::sun::Beam;
 use crate::sky::{Cover, Gradation, Patchwork, Sky, Sun};
-use crate::tally::Columns;
+use crate::tally::{Columns, Surface, Tally};
 
 /// A subject, the hierarchy of its scene, and the findings about both.
 pub struct World {
@@ -338,6 +339,16 @@ fn build(
              another face: only the one that lets least light through is kept"
         ));
     }
+    let of_faces = Some(Tally::ViewFactors(Surface::Faces));
+    if let (true, Some(first)) =
+        (plan.tally == of_faces, left_out[1].first())
+    {
+        let (file, first) = (plan.scene_name(), first + 1);
+        host.warn(format!(
+            "{file}: face {first} is the first with the corners of another face: \
+             its column is empty, and its row contradicts that"
+        ));
+    }
     let total = Some(triangles.corners.len() as u64);
     host.enter("building the hierarchy", total);
     let placed = |n: usize| (host.listen)(Event::Steps(n as u64));
@@ -347,7 +358,7 @@ fn build(
         let (file, [a, b]) = (plan.scene_name(), two.map(|i| i + 1));
         host.warn(format!(
             "{file}: face {a} lets light through and coincides with face \
-             {b}: light passes two panes, but no opaque face or second sheet"
+             {b}: values depend on their order; leave out what is double"
         ));
     }
     let albedos = AlbedoTable::new(faces, &bvh)?;
@@ -355,7 +366,7 @@ fn build(
 }
 
 /// The first face, from 0, that lets light through and has a triangle whose
-/// middle another face covers, and that other face.
+/// middle or a place beside a corner another face covers, and that other face.
 fn coinciding(bvh: &Bvh, faces: &FaceAlbedos) -> Option<[u32; 2]> {
     let is_clear = |slot| faces.bsdf(bvh.face(slot)).transmittance() > 0.;
     let mut clear = vec![];
@@ -363,13 +374,17 @@ fn coinciding(bvh: &Bvh, faces: &FaceAlbedos) -> Option<[u32; 2]> {
         clear.extend(is_clear(slot).then_some((slot, *corners)));
     });
     let found = clear.par_iter().filter_map(|&(slot, [a, b, c])| {
-        let middle = (a + b + c) / 3.;
         let direction = (b - a).cross(c - a).normalize_or_zero();
-        let near = nearness(middle);
-        let ray = Ray { origin: middle - near * direction, direction };
-        let hit = bvh.first_hit(&ray, Some(slot))?;
-        let is_near = hit.point.distance(middle) <= near;
-        let other = Some(hit.primitive).filter(|i| is_near && *i < GROUND);
+        let other = |point: DVec3| {
+            let near = nearness(point);
+            let ray = Ray { origin: point - near * direction, direction };
+            let hit = bvh.first_hit(&ray, Some(slot))?;
+            let is_near = hit.point.distance(point) <= near;
+            Some(hit.primitive).filter(|i| is_near && *i < GROUND)
+        };
+        let middle = (a + b + c) / 3.;
+        let corners = [a, b, c].map(|corner| corner.lerp(middle, 0.01));
+        let other = iter::once(middle).chain(corners).find_map(other);
         Some([slot, other?].map(|slot| bvh.face(slot)))
     });
     found.min()

@@ -611,6 +611,9 @@ fn transparent_materials_are_glass_if_it_is_asked_for() {
         ("d 0.0\n", diffuse(CLEAREST)),
         ("Tf 1 1 1\nd 1\n", 0.),
         ("Tf 1 1 1\n", 0.),
+        ("Tr 1\nd 1\n", 0.),
+        ("d 0.2\nTr 0.2\n", diffuse(0.8)),
+        ("d 0.5\nd 0.2\n", diffuse(0.5)),
     ] {
         let value = free(library);
         assert!((value - exact).abs() < 2e-3, "{library}: {value} {exact}");
@@ -672,12 +675,15 @@ fn an_opaque_face_hides_a_pane_with_its_corners() {
     });
     assert_eq!(values[0], values[1]);
     // A pane that looks down on the ground coincides with nothing.
-    place.put("lid.obj", turned(&pane));
+    place.put("lid.obj", SPECK.to_owned() + &turned(&pane));
     let words = "lid.obj --points p.txt -n 1 --glass pane=0.8 --ground=0.2";
     let said = place.free(words).succeeded().stderr;
     assert!(!said.contains("coincides"), "{said}");
     // What coincides in a part is told.
-    for other in [lid("pane", 1., 2e4), lid("wall", 1., 2e4)] {
+    for other in [2e4, 5e3]
+        .into_iter()
+        .flat_map(|half| ["pane", "wall"].map(|group| lid(group, 1., half)))
+    {
         place.put("lid.obj", pane.clone() + &other);
         let words = "lid.obj --points p.txt -n 1 --glass pane=0.8 -o b.csv";
         let run = place.free(&format!("{words} -f")).succeeded();
@@ -723,7 +729,8 @@ fn glass_of_materials_that_is_none_is_warned_of() {
     place.put("lid.obj", scene + &lid("a", 1., 1e4));
     let words = "lid.obj --points p.txt -n 1 --glass materials";
     let none = "no material lets light through (d, Tr; times Tf)";
-    let odd = ": material pane is transparent (a d, Tr or Tf that";
+    let odd =
+        ": material pane is transparent (d counts, then Tr, the first";
     for (library, wanted) in [
         ("d abc", &[odd, none][..]),
         ("d 1.5", &[odd, none]),
@@ -734,6 +741,7 @@ fn glass_of_materials_that_is_none_is_warned_of() {
         ("d 0.5\nTf 0.5 0.5 0.5", &[]),
         ("d 0.2\nTr 0.5", &[odd]),
         ("d 0.9\nTr 0.1", &[]),
+        ("Tr 0.666667\nd 0.33", &[]),
         ("d 0.2\nTf 0 0 0", &[none]),
     ] {
         place.put(

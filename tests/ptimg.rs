@@ -260,7 +260,7 @@ fn a_dash_is_standard_output_in_the_format_asked_for() {
     assert!(!place.path("-").exists());
     let merge = place.ptimg("merge a.litpt b.litpt -om.csv");
     merge.failed(1, &["m.csv: ", ".pgm, .png, .pfm or .exr", ".litpt"]);
-    place.line("room.obj -om.tif").failed(1, &["m.tif: ", ".litpt"]);
+    place.line("room.obj -om.tif").failed(2, &["m.tif: ", ".litpt"]);
     for line in ["merge - b.litpt -of.exr", "daylight - sky.smx"] {
         place
             .ptimg(line)

@@ -899,7 +899,6 @@ fn wrong_tallies_are_refused_in_words() {
     ] {
         let run = place.free(&format!("cube.obj -n64 {line}"));
         let status = if line.contains("--derivative=roof") { 1 } else { 2 };
-        let status = if line.contains(" -o a.") { 1 } else { status };
         run.failed(status, &[words]);
     }
     place.holds_only(&["cube.obj", "points.txt"]);

@@ -191,7 +191,7 @@ struct Daylight {
 
     /// Illuminance in lux that suffices
     #[arg(long, value_name = "LUX", default_value = "300",
-          value_parser = parse_real)]
+          value_parser = only(parse_real, |x| *x >= 0., "expected 0 or more"))]
     enough: f64,
 
     /// Part of the hours in which it must suffice for the spatial daylight

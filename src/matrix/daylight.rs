@@ -169,12 +169,18 @@ pub struct Daylight<'a> {
 type Replicate = (f64, Vec<f64>);
 
 impl Daylight<'_> {
+    /// Where the film has the sums of a sensor, if it has a value.
+    fn place(&self, sensor: usize) -> Option<usize> {
+        let Self { film, rows, .. } = self;
+        let (top, end) = (film.window.corner.1, film.window.end().1);
+        let y = rows[sensor].filter(|y| (top..end).contains(y))?;
+        Some(film.at(0, y))
+    }
+
     /// The replicates of a sensor, in order; none if it has no value.
     pub fn replicates(&self, sensor: usize) -> Option<Vec<Replicate>> {
         let &Self { film, columns, .. } = self;
-        let (top, end) = (film.window.corner.1, film.window.end().1);
-        let y = self.rows[sensor].filter(|y| (top..end).contains(y))?;
-        let at = film.at(0, y);
+        let at = self.place(sensor)?;
         let (size, n) = (film.net_size, film.pixels[at].count());
         let first = film.sample_offset / size;
         let part = |k| {
@@ -215,20 +221,40 @@ impl Daylight<'_> {
             }
             sums
         };
-        let replicates = self.replicates(sensor)?;
-        let moved = moved(&replicates);
+        let rows = self.replicates(sensor)?;
+        let pixel = &self.film.pixels[self.place(sensor)?];
+        let samples = pixel.count() * self.film.net_size;
+        let moved = moved(&rows, PI / samples as f64);
         let changes = moved.iter().map(|row| lux(row)).collect();
-        let replicates = replicates.iter();
-        let replicates: Vec<_> =
-            replicates.map(|(part, row)| (*part, lux(row))).collect();
-        let lux = mean(&replicates, &vec![1; replicates.len()]);
+        let replicates = [0, -1, 1].map(|by| {
+            let rows = shifted(&rows, by).into_iter();
+            rows.map(|(part, row)| (part, lux(&row))).collect::<Vec<_>>()
+        });
+        let lux = mean(&replicates[0], &vec![1; rows.len()]);
         Some(Illuminance { replicates, changes, lux })
     }
 }
 
+/// Replicates whose deviations from their mean are those of the patches so
+/// many numbers away.
+fn shifted(replicates: &[Replicate], by: isize) -> Vec<Replicate> {
+    let mean = mean(replicates, &vec![1; replicates.len()]);
+    let shift = |(part, row): &Replicate| {
+        let patches = row.len() as isize - 1;
+        let value = |p: usize| {
+            let other = 1 + (p as isize - 1 + by).rem_euclid(patches);
+            let other = if p == 0 { 0 } else { other as usize };
+            mean[p] + (row[other] - mean[other])
+        };
+        (*part, (0..row.len()).map(value).collect())
+    };
+    replicates.iter().map(shift).collect()
+}
+
 /// What would change if coefficients that few replicates have met were of
-/// other patches that few have met, as many times as there are replicates.
-fn moved(replicates: &[Replicate]) -> Vec<Vec<f64>> {
+/// other patches that few have met, as many times as there are replicates;
+/// where none is met, if one of them had that of one path.
+fn moved(replicates: &[Replicate], path: f64) -> Vec<Vec<f64>> {
     let columns = replicates[0].1.len();
     let (mut rare, mut values) = (vec![], vec![]);
     for p in 1..columns {
@@ -242,10 +268,14 @@ fn moved(replicates: &[Replicate]) -> Vec<Vec<f64>> {
     }
     let change = |k| {
         let mut random = generator(0, k as u64, 1);
+        let mut any = || rare[random.random_range(0..rare.len())];
         let mut row = vec![0.; columns];
+        if rare.len() + 1 == columns && values.is_empty() {
+            row[any()] = path;
+        }
         for &(p, value) in &values {
             row[p] -= value;
-            row[rare[random.random_range(0..rare.len())]] += value;
+            row[any()] += value;
         }
         row
     };
@@ -258,8 +288,9 @@ const FEW: usize = 4;
 /// The illuminance of a sensor in lux, at each of some steps of a year, with
 /// its standard error.
 pub struct Illuminance {
-    /// Its replicates, each with its part of all samples.
-    replicates: Vec<(f64, Vec<f64>)>,
+    /// Its replicates, each with its part of all samples; and others with the
+    /// deviations of the patches before and behind.
+    replicates: [Vec<(f64, Vec<f64>)>; 3],
     /// What changes if rare coefficients move, as many times.
     changes: Vec<Vec<f64>>,
     /// The mean of the replicates at each step.
@@ -271,12 +302,13 @@ impl Illuminance {
     /// and from what changes if rare coefficients move.
     pub fn standard_errors(&self) -> Vec<f64> {
         let Self { replicates, changes, lux } = self;
-        let count = replicates.len() as f64;
+        let count = replicates[0].len() as f64;
         let error = |i: usize| {
             let away = |(part, replicate): &(f64, Vec<f64>)| {
                 (part * (replicate[i] - lux[i])).powi(2)
             };
-            let spread = replicates.iter().map(away).sum::<f64>();
+            let of_all = |some: &Vec<_>| some.iter().map(away).sum();
+            let spread = replicates.iter().map(of_all).fold(0., f64::max);
             let squares = changes.iter().map(|lux| lux[i].powi(2));
             let moved = squares.sum::<f64>() / count;
             (spread * count / (count - 1.) + moved).sqrt()
@@ -374,7 +406,7 @@ impl Year {
             let Some(light) = light else {
                 return Ok(None);
             };
-            let count = light.replicates.len();
+            let count = light.replicates[0].len();
             if count < 16 {
                 return Err(Error::from(format!(
                     "{count} replicates of the coefficients are too few for \
@@ -406,7 +438,7 @@ impl Year {
 /// The parts of the steps with enough and with useful light, with intervals
 /// from resampled runs.
 fn resample(light: &Illuminance, demand: Demand) -> [Interval; 2] {
-    let count = light.replicates.len();
+    let count = light.replicates[0].len();
     let part = |lux: &[f64], is_meant: &dyn Fn(f64) -> bool| {
         let those = lux.iter().filter(|lux| is_meant(**lux)).count();
         those as f64 / lux.len() as f64
@@ -424,7 +456,7 @@ fn resample(light: &Illuminance, demand: Demand) -> [Interval; 2] {
         for _ in 0..count {
             times[random.random_range(0..count)] += 1;
         }
-        let mut lux = mean(&light.replicates, &times);
+        let mut lux = mean(&light.replicates[run as usize % 3], &times);
         let change = &light.changes[run as usize % count];
         let others = light.lux.iter().zip(change);
         for (lux, (mean, change)) in lux.iter_mut().zip(others) {

@@ -27,19 +27,24 @@ pub struct Library {
 }
 
 /// A transparency that is not understood.
-const ODD: &str = "transparent (a d, Tr or Tf that is no number from 0 to 1, \
-    or differs from the one before)";
+const ODD: &str = "transparent (d counts, then Tr, the first of each; this \
+    one differs, or is no number from 0 to 1)";
 
 /// How a material lets light through.
 #[derive(Clone, Copy, Default)]
 pub struct Clear {
-    /// The part that `d` or `Tr` lets through.
-    pub part: Option<[f64; 1]>,
+    /// The part that it lets through according to `d`, and to `Tr`.
+    parts: [Option<[f64; 1]>; 2],
     /// The colour that `Tf` gives it.
     pub filter: Option<[f64; 3]>,
 }
 
 impl Clear {
+    /// The part that it lets through: what `d` says, or else `Tr`.
+    pub fn part(&self) -> Option<f64> {
+        self.parts.iter().flatten().flatten().next().copied()
+    }
+
     /// Notes a statement; if it is about transparency, returns whether it is
     /// made of numbers from 0 to 1 and agrees with others.
     fn note(&mut self, line: &[u8]) -> Option<bool> {
@@ -49,23 +54,29 @@ impl Clear {
         let numbers: Result<Vec<f64>, _> = numbers.collect();
         let is_part = |x: &f64| (0. ..=1.).contains(x);
         let numbers = numbers.ok().filter(|n| n.iter().all(is_part));
+        let Self { parts: [d, tr], filter } = self;
         Some(match (&word[..], numbers.as_deref()) {
-            ("d", Some(&[x])) => agrees(&mut self.part, [1. - x]),
-            ("tr", Some(&[x])) => agrees(&mut self.part, [x]),
-            ("tf", Some(&[grey])) => agrees(&mut self.filter, [grey; 3]),
-            ("tf", Some(&[r, g, b])) => agrees(&mut self.filter, [r, g, b]),
+            ("d", Some(&[x])) => agrees(d, *tr, [1. - x]),
+            ("tr", Some(&[x])) => agrees(tr, *d, [x]),
+            ("tf", Some(&[grey])) => agrees(filter, None, [grey; 3]),
+            ("tf", Some(&[r, g, b])) => agrees(filter, None, [r, g, b]),
             ("d" | "tr" | "tf", _) => false,
             _ => return None,
         })
     }
 }
 
-/// Keeps the first value; whether this one is the same, to single precision.
+/// Keeps the first value; whether this one differs from it, and from
+/// another, by less than a hundredth.
 fn agrees<const N: usize>(
     first: &mut Option<[f64; N]>,
+    other: Option<[f64; N]>,
     value: [f64; N],
 ) -> bool {
-    first.get_or_insert(value).map(|x| x as f32) == value.map(|x| x as f32)
+    let both = [Some(*first.get_or_insert(value)), other];
+    let is_near = |(a, b): (f64, f64)| (a - b).abs() < 0.01;
+    let known = both.into_iter().flatten();
+    known.flat_map(|it| it.into_iter().zip(value)).all(is_near)
 }
 
 /// Reads a library, called `file`, for the materials that a scene uses.
