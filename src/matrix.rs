@@ -129,7 +129,19 @@ impl<'a> Matrix<'a> {
             (entry.column, mean, unit * entry.standard_error(n, size))
         };
         let whole = Entry::joined(&film.rows[at], columns.count);
-        Some(whole.into_iter().map(cell).collect())
+        let mut row: Vec<_> = whole.into_iter().map(cell).collect();
+        if has_sky {
+            // Compare the errors of neighbouring patches
+            let found = row.clone();
+            for (i, cell) in row.iter_mut().enumerate() {
+                let around =
+                    &found[i.saturating_sub(1)..found.len().min(i + 2)];
+                let near =
+                    around.iter().filter(|it| it.0.abs_diff(cell.0) < 2);
+                cell.2 = near.map(|it| it.2).fold(0., f64::max);
+            }
+        }
+        Some(row)
     }
 
     /// The number of its rows.

@@ -6,6 +6,7 @@
 
 use crate::prelude::*;
 
+use litpt::film::Entry;
 use litpt::key::Part;
 use litpt::matrix::closed::Closed;
 use litpt::matrix::daylight::{Daylight, Demand, SkyMatrix, Year};
@@ -671,8 +672,20 @@ fn runs(
         let matrix = world.matrix(&film).unwrap();
         let height = matrix.height();
         tables.push((0..height).flat_map(|k| matrix.dense(k)).collect());
-        let cells = rows(&matrix).concat();
-        square += cells.iter().map(|cell| cell.2.powi(2)).sum::<f64>();
+        let mut squares = [0.; 2];
+        for (pixel, row) in film.pixels.iter().zip(&film.rows) {
+            for entry in Entry::joined(row, 146) {
+                let error =
+                    entry.standard_error(pixel.count(), film.net_size);
+                squares[0] += (PI * error).powi(2);
+            }
+        }
+        for (_, _, error) in rows(&matrix).concat() {
+            squares[1] += error.powi(2);
+        }
+        // What is stated is the largest of three errors
+        assert!(squares[0] <= squares[1] && squares[1] <= 3. * squares[0]);
+        square += squares[0];
     }
     (tables, square / seeds as f64)
 }
