@@ -170,6 +170,7 @@ fn turned(fan: &[[u32; 3]], vertices: &[DVec3]) -> Option<Vec<[u32; 3]>> {
     let order = |a: &usize, b: &usize| at(*a).partial_cmp(&at(*b)).unwrap();
     let least = (0..corners.len()).min_by(order)?;
     corners.rotate_left(least);
+    // Make the fan around the first corner
     let sides = corners[1..].windows(2);
     let turned = sides.map(|side| [corners[0], side[0], side[1]]);
     let turned: Vec<_> = turned.collect();
