@@ -413,7 +413,7 @@ impl Shadow {
 }
 
 /// Must change whenever the code that decides what a sample is changes.
-const SAMPLE_VERSION: u32 = 4;
+const SAMPLE_VERSION: u32 = 5;
 
 /// The names of the integrators, their constants and the version of their
 /// samples: samples of different identities must not be mixed.

@@ -10,11 +10,11 @@ use sha2::{Digest, Sha256};
 /// The identities, and the hash of the images below that belongs to each.
 const KNOWN: [(&str, &str); 3] = [
     (
-        "samples 4, path tracer with roulette below 0.1 and from 1000 bounces",
+        "samples 5, path tracer with roulette below 0.1 and from 1000 bounces",
         "78a4e05c50384933a5bbc42490aee90cac9f4f6bb7d6e992a221849f61801586",
     ),
     (
-        "samples 4, path tracer with roulette below 0.1 and from 1000 bounces",
+        "samples 5, path tracer with roulette below 0.1 and from 1000 bounces",
         "caa054c3c6496ac6a92e826ef9a82c7387603e149a9f6309f4d385430da961ad",
     ),
     (

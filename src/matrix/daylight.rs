@@ -222,33 +222,35 @@ impl Daylight<'_> {
             sums
         };
         let rows = self.replicates(sensor)?;
+        // Multiply each replicate with the sky
         let pixel = &self.film.pixels[self.place(sensor)?];
         let samples = pixel.count() * self.film.net_size;
         let moved = moved(&rows, PI / samples as f64);
         let changes = moved.iter().map(|row| lux(row)).collect();
-        let replicates = [0, -1, 1].map(|by| {
-            let rows = shifted(&rows, by).into_iter();
-            rows.map(|(part, row)| (part, lux(&row))).collect::<Vec<_>>()
+        let turns = [0, 1, rows[0].1.len() - 2];
+        let mut replicates = turns.map(|turn| {
+            let turned = |(part, row): &Replicate| {
+                let mut row = row.clone();
+                row[1..].rotate_left(turn);
+                (*part, lux(&row))
+            };
+            rows.iter().map(turned).collect::<Vec<_>>()
         });
-        let lux = mean(&replicates[0], &vec![1; rows.len()]);
+        let times = vec![1; rows.len()];
+        let lux = mean(&replicates[0], &times);
+        for others in &mut replicates {
+            // Give replicates this mean
+            let mean = mean(others, &times);
+            for (_, values) in others {
+                for ((value, lux), mean) in
+                    values.iter_mut().zip(&lux).zip(&mean)
+                {
+                    *value += lux - mean;
+                }
+            }
+        }
         Some(Illuminance { replicates, changes, lux })
     }
-}
-
-/// Replicates whose deviations from their mean are those of the patches so
-/// many numbers away.
-fn shifted(replicates: &[Replicate], by: isize) -> Vec<Replicate> {
-    let mean = mean(replicates, &vec![1; replicates.len()]);
-    let shift = |(part, row): &Replicate| {
-        let patches = row.len() as isize - 1;
-        let value = |p: usize| {
-            let other = 1 + (p as isize - 1 + by).rem_euclid(patches);
-            let other = if p == 0 { 0 } else { other as usize };
-            mean[p] + (row[other] - mean[other])
-        };
-        (*part, (0..row.len()).map(value).collect())
-    };
-    replicates.iter().map(shift).collect()
 }
 
 /// What would change if coefficients that few replicates have met were of
