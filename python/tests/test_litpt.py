@@ -635,7 +635,7 @@ def alone():
             try:
                 with open(f"/proc/self/task/{task}/comm") as file:
                     yield file.read()
-            except FileNotFoundError:
+            except (FileNotFoundError, ProcessLookupError):
                 pass
     end = time.monotonic() + 10
     while any("litpt" in name for name in names()):
