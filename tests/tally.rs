@@ -734,6 +734,35 @@ fn light_of_a_patch_that_few_paths_meet_has_an_error() {
     assert!(25 * far <= all, "{far} of {all}");
 }
 
+/// Where one patch shines alone, the error is at least that of its
+/// neighbours.
+#[test]
+fn the_light_of_a_patch_errs_as_its_neighbours_do() {
+    let points = SensorPlan::Points("points".into());
+    let plan = plan(points, Tally::SkyPatches(1), 1 << 10);
+    let room = world(&slatted_room(), &plan, DVec3::new(1., 1.5, 0.9));
+    let film = &film(&room, &plan);
+    let daylight = Daylight { film, rows: &room.rows(), columns: 146 };
+    let lone = |patch, step| f64::from(u8::from(patch == step + 1));
+    let sky = SkyMatrix::read(&sky(145, "double", lone)).unwrap();
+    let steps: Vec<_> = (0..145).collect();
+    let light = daylight.illuminance(0, &sky, &steps).unwrap();
+    let replicates = daylight.replicates(0).unwrap();
+    let own = |step: usize| {
+        let part = |(part, row): &(f64, Vec<f64>)| part * row[step + 1];
+        let mean: f64 = replicates.iter().map(part).sum();
+        let away = |it: &(f64, Vec<f64>)| (part(it) - it.0 * mean).powi(2);
+        let n = replicates.len() as f64;
+        let square: f64 = replicates.iter().map(away).sum();
+        179. * (square * n / (n - 1.)).sqrt()
+    };
+    let errors = light.standard_errors();
+    for (step, error) in errors.iter().enumerate().skip(1).take(143) {
+        let least = own(step - 1).max(own(step)).max(own(step + 1));
+        assert!(*error >= 0.999999 * least, "{step}: {error} {least}");
+    }
+}
+
 /// A sensor to which no path has brought light is not certain to be dark.
 #[test]
 fn a_sensor_that_no_light_has_reached_has_an_error() {
